@@ -83,11 +83,7 @@ fn a_simulated_delay_is_removed_and_files_are_in_the_expected_places() {
         let flight: FlightRecord = flight_record(&page);
         assert_eq!((flight.outcome, flight.key), (Outcome::Compensated, row.key.clone()));
         let html = fs::read_to_string(&page).unwrap();
-        assert!(
-            html.contains("Against position.truth, kept as a check, the delay of position.gps is "),
-            "{}",
-            row.flight
-        );
+        assert!(html.contains("As a check: the delay of position.gps against position.truth is "), "{}", row.flight);
         let track = folder.join(html.split('"').find(|part| part.ends_with("/track.parquet")).unwrap());
         assert_eq!(fs::read(track).unwrap().get(..4), Some(b"PAR1".as_slice()));
         let (raw, exact) = (row.raw_error_rms_m.unwrap().value, row.exact_error_rms_m.unwrap().value);

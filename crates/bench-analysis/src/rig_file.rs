@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 use toml::Spanned;
 
-/// The bench: what is known of it before a record is looked at.
+/// The bench, as known before a record is analysed.
 #[derive(Debug, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
@@ -24,19 +24,19 @@ pub(crate) struct RigFile {
     /// The encoder at the pivot.
     #[serde(default)]
     pub(crate) encoder: EncoderTable,
-    /// Where and when.
+    /// Place and date of the record.
     #[serde(default)]
     pub(crate) site: SiteTable,
-    /// Where on the bar the parts of the sensor sit. For a channel the first entry that names it counts.
+    /// Positions of the parts of the sensor on the bar. For a channel, the first entry that names it is used.
     #[serde(default)]
     pub(crate) mount: Vec<MountTable>,
-    /// How the stamps of encoder and sensor belong together.
+    /// Relation of the timestamps of encoder and sensor.
     #[serde(default)]
     pub(crate) clock: ClockTable,
-    /// How delays are looked for.
+    /// Settings of the delay search.
     #[serde(default)]
     pub(crate) analysis: AnalysisTable,
-    /// What goes onto the sensor card.
+    /// Settings of the sensor card.
     #[serde(default)]
     pub(crate) card: CardTable,
 }
@@ -58,7 +58,7 @@ pub(crate) struct SensorTable {
     pub(crate) firmware: Option<String>,
     /// Baud rate of its link.
     pub(crate) baud: Option<u32>,
-    /// Whatever else changes its latency.
+    /// Anything else that changes its latency.
     pub(crate) configuration: Option<String>,
 }
 
@@ -66,21 +66,21 @@ pub(crate) struct SensorTable {
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct BarTable {
-    /// From the pivot to the sensor, m.
+    /// Distance from the pivot to the sensor, m.
     #[cfg_attr(feature = "schema", schemars(with = "f64", range(min = 0.05, max = 50.0)))]
     pub(crate) length_m: Spanned<f64>,
-    /// Where the sensor is when the bar's angle is zero.
+    /// Position of the sensor at bar angle zero.
     #[cfg_attr(feature = "schema", schemars(with = "MountName"))]
     pub(crate) mount: Spanned<MountName>,
-    /// Azimuth of the swing's plane (direction of the body's x axis at rest), from north over east, deg. Left out: fitted.
+    /// Azimuth of the swing plane (direction of the body's x axis at rest), from north over east, deg. Default: fitted.
     #[cfg_attr(feature = "schema", schemars(with = "Option<f64>", range(min = -360.0, max = 360.0)))]
     pub(crate) azimuth_deg: Option<Spanned<f64>>,
-    /// First bending mode that is expected, Hz.
+    /// Expected first bending mode, Hz.
     #[cfg_attr(feature = "schema", schemars(with = "Option<f64>", range(min = 0.1, max = 1000.0)))]
     pub(crate) first_mode_hz: Option<Spanned<f64>>,
 }
 
-/// Where the sensor is when the bar's angle is zero.
+/// Position of the sensor at bar angle zero.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
@@ -97,18 +97,18 @@ pub(crate) enum MountName {
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct EncoderTable {
-    /// Its channel. Left out: the only encoder in the log.
+    /// Its channel. Default: the only encoder in the log.
     pub(crate) channel: Option<String>,
-    /// Lines per revolution. Left out: inferred from the smallest step of an angle; a count cannot do without.
+    /// Lines per revolution. Default: inferred from the smallest step of an angle; required for counts.
     #[cfg_attr(feature = "schema", schemars(with = "Option<u32>", range(min = 4, max = 67_108_864)))]
     pub(crate) counts_per_rev: Option<Spanned<u32>>,
     /// Counts per line: 1, 2 or 4. Default: 1.
     #[cfg_attr(feature = "schema", schemars(with = "Option<u32>"))]
     pub(crate) decoding: Option<Spanned<u32>>,
-    /// 1 if the count rises with the bar's angle (body x turning up), else -1. Left out: fitted.
+    /// 1 if the count rises with the angle of the bar (body x turning up), otherwise -1. Default: fitted.
     #[cfg_attr(feature = "schema", schemars(with = "Option<i32>"))]
     pub(crate) sign: Option<Spanned<i32>>,
-    /// The bar's angle at count 0, deg. Left out: fitted.
+    /// Angle of the bar at count 0, deg. Default: fitted.
     #[cfg_attr(feature = "schema", schemars(with = "Option<f64>", range(min = -360.0, max = 360.0)))]
     pub(crate) zero_deg: Option<Spanned<f64>>,
 }
@@ -117,7 +117,7 @@ pub(crate) struct EncoderTable {
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct SiteTable {
-    /// Latitude, deg, positive north. Left out: from the log's position, if it has a geodetic one.
+    /// Latitude, deg, positive north. Default: from the geodetic position in the log, if there is one.
     #[cfg_attr(feature = "schema", schemars(with = "Option<f64>", range(min = -90.0, max = 90.0)))]
     pub(crate) latitude_deg: Option<Spanned<f64>>,
     /// Longitude, deg, positive east.
@@ -126,10 +126,10 @@ pub(crate) struct SiteTable {
     /// Height above the ellipsoid, m. Default: 0.
     #[cfg_attr(feature = "schema", schemars(with = "Option<f64>", range(min = -1000.0, max = 10_000.0)))]
     pub(crate) height_m: Option<Spanned<f64>>,
-    /// Day of the record, yyyy-mm-dd, where the log itself does not say.
+    /// Day of the record, yyyy-mm-dd, used if the log does not state it.
     #[cfg_attr(feature = "schema", schemars(with = "Option<String>"))]
     pub(crate) date: Option<Spanned<String>>,
-    /// Gravity, m/s². Left out: from latitude and height.
+    /// Gravity, m/s². Default: from latitude and height.
     #[cfg_attr(feature = "schema", schemars(with = "Option<f64>", range(min = 9.7, max = 9.9)))]
     pub(crate) gravity_mps2: Option<Spanned<f64>>,
     /// The magnetic field at the bench. Default: fit.
@@ -150,19 +150,19 @@ enum FieldName {
     Stated(StatedField),
 }
 
-/// Where the magnetic field comes from.
+/// Source of the magnetic field.
 #[cfg(feature = "schema")]
 #[derive(JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 #[allow(dead_code)]
 enum FieldRule {
-    /// Fitted: indoors the field is tens of microtesla away from any model.
+    /// Fitted: indoors, the field differs from any model by tens of microtesla.
     Fit,
     /// World Magnetic Model at site and date.
     Wmm,
 }
 
-/// The field as measured, nT.
+/// Measured field, nT.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
@@ -179,16 +179,17 @@ pub(crate) struct StatedField {
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct MountTable {
-    /// Channel names; `*` at the end of a name stands for anything.
+    /// Channel names; `*` at the end of a name matches anything.
     #[cfg_attr(feature = "schema", schemars(with = "Vec<String>"))]
     pub(crate) channels: Spanned<Vec<String>>,
-    /// From the pivot to this part, body axes (x, y, z), m. Default: along the bar, by bar.mount and bar.length_m.
+    /// Lever arm from the pivot to this part, body axes (x, y, z), m. Default: along the bar, by bar.mount and
+    /// bar.length_m.
     #[cfg_attr(feature = "schema", schemars(with = "Option<[f64; 3]>"))]
     pub(crate) lever_arm_m: Option<Spanned<[f64; 3]>>,
-    /// Rotation vector that turns the sensor's axes to the body's, deg. Default: 0, 0, 0.
+    /// Rotation vector from the sensor axes to the body axes, deg. Default: 0, 0, 0.
     #[cfg_attr(feature = "schema", schemars(with = "Option<[f64; 3]>"))]
     pub(crate) rotation_deg: Option<Spanned<[f64; 3]>>,
-    /// Which sensor axes are the body's x, y and z: `x`, `-y` and so on. Default: x, y, z.
+    /// Sensor axes that are body x, y and z: `x`, `-y` and so on. Default: x, y, z.
     #[cfg_attr(feature = "schema", schemars(with = "Option<[String; 3]>"))]
     pub(crate) axes: Option<Spanned<[String; 3]>>,
 }
@@ -197,27 +198,28 @@ pub(crate) struct MountTable {
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct ClockTable {
-    /// Whether one clock stamps encoder and sensor. Default: yes for one log whose stamps name one clock, else no.
+    /// Whether encoder and sensor have timestamps of one clock. Default: yes for one log with timestamps of one clock,
+    /// otherwise no.
     pub(crate) shared: Option<bool>,
-    /// The channel that is taken as on time where clocks differ. Left out: the first angular rate of the sensor.
+    /// Channel that is assumed to be on time where clocks differ. Default: the first angular rate of the sensor.
     #[cfg_attr(feature = "schema", schemars(with = "Option<String>"))]
     pub(crate) anchor: Option<Spanned<String>>,
-    /// Which stamps of the sensor are measured with. Default: auto.
+    /// Kind of timestamps of the sensor that is used. Default: auto.
     pub(crate) stamps: Option<StampsName>,
 }
 
-/// Which stamps are measured with.
+/// Kind of timestamps that is used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum StampsName {
-    /// Those that the channel map chose.
+    /// The kind that the channel map states.
     Auto,
-    /// When the device says that the value was true.
+    /// Time at which the value was true, according to the device.
     Measured,
-    /// When the driver sent it.
+    /// Time at which the driver sent it.
     Published,
-    /// When the logger received it.
+    /// Time at which the logger received it.
     Logged,
 }
 
@@ -225,18 +227,19 @@ pub(crate) enum StampsName {
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct AnalysisTable {
-    /// Delays are looked for from the first to the second number, s. Default: -1.0, 1.5.
+    /// Search range of delays, first and last, s. Default: -1.0, 1.5.
     #[cfg_attr(feature = "schema", schemars(with = "Option<[f64; 2]>"))]
     pub(crate) search_s: Option<Spanned<[f64; 2]>>,
-    /// Delays within this margin count as none, ms. Default: per channel half the interval of its updates, at least 5 ms.
+    /// Margin below which a delay counts as no delay, ms. Default: half the update interval of each channel, at least 5
+    /// ms.
     #[cfg_attr(feature = "schema", schemars(with = "Option<f64>", range(min = 0.01, max = 1000.0)))]
     pub(crate) margin_ms: Option<Spanned<f64>>,
     /// Whether the offsets of position, velocity and height may drift. Default: true.
     pub(crate) drift: Option<bool>,
-    /// Delays put into the data and found again, ms. Default: 5, 50.
+    /// Delays injected into the data and measured again, ms. Default: 5, 50.
     #[cfg_attr(feature = "schema", schemars(with = "Option<Vec<f64>>"))]
     pub(crate) inject_ms: Option<Spanned<Vec<f64>>>,
-    /// Gain put in along with them. Default: 1.05.
+    /// Gain injected with them. Default: 1.05.
     #[cfg_attr(feature = "schema", schemars(with = "Option<f64>", range(min = 0.5, max = 2.0)))]
     pub(crate) inject_gain: Option<Spanned<f64>>,
 }
@@ -245,7 +248,7 @@ pub(crate) struct AnalysisTable {
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct CardTable {
-    /// Days after the newest record for which the card may be used. Left out: without end.
+    /// Validity of the card after the newest record, days. Default: no end.
     #[cfg_attr(feature = "schema", schemars(with = "Option<u32>", range(min = 1, max = 36_500)))]
     pub(crate) valid_days: Option<Spanned<u32>>,
 }

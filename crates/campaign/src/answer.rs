@@ -193,7 +193,7 @@ fn observation(pair: &PairDelay) -> PairObservation {
         (_, Some(why)) => observed.not_used(why.clone()),
         (Finding::Found(found), None) => match found.rival_s {
             Some(rival) => observed.not_used(format!(
-                "{:.0} and {:.0} ms explain it almost equally well",
+                "{:.0} and {:.0} ms fit it almost equally well",
                 1e3 * found.delay_s.value,
                 1e3 * rival
             )),
@@ -301,7 +301,7 @@ fn words(out: &FlightLateness, pair: Option<&PairDelay>, over_time: Option<&Dela
     let Some(channel) = &out.lateness else {
         return match pair.map(|p| &p.delay) {
             Some(Finding::CannotTell(why)) => why.clone(),
-            _ => format!("{position} was compared with no velocity"),
+            _ => format!("{position} was not compared with a velocity"),
         };
     };
     let value = in_ms(&channel.lateness_s);
@@ -323,7 +323,7 @@ fn words(out: &FlightLateness, pair: Option<&PairDelay>, over_time: Option<&Dela
         (None, _) => format!("{position} is {value} ms late against {datum}"),
     };
     if let Some(rests_on) = &channel.rests_on {
-        text += &format!(". This rests on {rests_on}");
+        text += &format!(". This is based on {rests_on}");
     }
     if let Some(x) = out.lever_arm_s_per_decimetre {
         text += &format!(". ± {:.0} ms for each 0.1 m of unknown lever arm", 1e3 * x.abs());
@@ -342,7 +342,7 @@ fn against_reference(position: &str, delays: &FlightDelays) -> Option<String> {
     let against = |p: &&PairDelay| p.kind == DelayPairKind::PositionAgainstReference && p.first == position;
     let pair = delays.pairs.iter().find(against)?;
     let found = pair.delay.found()?.delay_s;
-    Some(format!(". Against {}, kept as a check, the delay of {position} is {} ms", pair.second, in_ms(&found)))
+    Some(format!(". As a check: the delay of {position} against {} is {} ms", pair.second, in_ms(&found)))
 }
 
 /// Other measured positions, not of a filter, with a different lateness: the delay of one receiver is wrong for

@@ -153,7 +153,8 @@ fn run_here(order: &BenchOrder, context: &RunContext<'_>) -> Result<BenchVerdict
     let clock = (jiff::Timestamp::now(), Instant::now());
     let mut paths = order.records.iter().chain(&order.encoder).chain([&order.out]);
     if let Some(path) = paths.find(|path| s3::is_in_bucket(path)) {
-        let what = "a bench reads and writes local files; only campaigns and `flightlag delay` know buckets";
+        let what = "`flightlag bench` reads and writes local files; buckets are for `flightlag campaign` and \
+            `flightlag delay`";
         return Err(CampaignError::Asked(format!("{}: {what}", path.display())));
     }
     for input in order.records.iter().chain(&order.encoder) {
@@ -218,7 +219,7 @@ fn one_sensor(swings: &[Swing], rigs: &[Rig]) -> Result<(), CampaignError> {
         let conflict = before.filter_map(|(s, r)| Some((s, identity_conflict(&r.sensor, &rig.sensor)?))).next();
         if let Some((other, conflict)) = conflict {
             let (other, this) = (&other.name, &swing.name);
-            let what = format!("{other} and {this} are of different sensors by their rig files: {conflict}");
+            let what = format!("{other} and {this} are of different sensors according to their rig files: {conflict}");
             return Err(CampaignError::Asked(format!("{what}; give the records of one sensor")));
         }
     }

@@ -115,7 +115,12 @@ fn a_flight_whose_position_is_not_on_the_card_stays_uncompensated() {
     let case = Case::new(|card| card.channels[0].name = "position.ins".into());
     let (_, flight, _) = case.run();
     let Outcome::Uncompensated { reason } = &flight.outcome else { panic!("{:?}", flight.outcome) };
-    assert!(reason.contains("no channel position.gps, which this flight replays; it has position.ins"), "{reason}");
+    assert!(
+        reason.contains(
+            "this flight replays the channel position.gps, which is not on the card; the card has position.ins"
+        ),
+        "{reason}"
+    );
     case.write_card(|card| card.channels[0].verdict = Verdict::Inconclusive);
     let (_, flight, _) = case.run();
     let Outcome::Uncompensated { reason } = &flight.outcome else { panic!("{:?}", flight.outcome) };

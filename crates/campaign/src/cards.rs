@@ -99,7 +99,7 @@ impl Shelf<'_> {
         match self {
             Shelf::Disk => read(path),
             Shelf::Manifest([only]) => UsedCard::parse(only.clone()),
-            Shelf::Manifest(cards) => Err(format!("the manifest holds {} cards instead of one", cards.len())),
+            Shelf::Manifest(cards) => Err(format!("the manifest has {} cards instead of one", cards.len())),
         }
     }
 
@@ -145,7 +145,10 @@ pub(crate) fn chosen(all: Vec<UsedCard>, sensor: &SensorIdentity) -> Result<Vec<
         let others = fitting.iter().take(i);
         if let Some((other, conflict)) = others.filter_map(|o| Some((o, card.conflict(&o.card.sensor)?))).next() {
             let (other, this) = (other.name(), card.name());
-            return Err(format!("{other} and {this} both fit and are of different sensors ({conflict}): say which"));
+            return Err(format!(
+                "{other} and {this} both fit, but are of different sensors ({conflict}): state which \
+                one in [sensor]"
+            ));
         }
     }
     Ok(fitting)

@@ -75,25 +75,25 @@ struct Written {
     /// The delay to remove. Default: the one measured from the flights themselves (`from = "network"`).
     #[cfg_attr(feature = "schema", schemars(with = "Option<WrittenDelay>"))]
     delay: Option<Spanned<WrittenDelay>>,
-    /// How delays are measured.
+    /// Settings of the measurement of delays.
     #[serde(default)]
     measure: WrittenMeasure,
     /// The sensor of these flights, used to find its card.
     #[cfg_attr(feature = "schema", schemars(with = "Option<WrittenSensor>"))]
     sensor: Option<Spanned<WrittenSensor>>,
-    /// Which channels of a flight are used: the first of each list that the flight has.
+    /// Channels of a flight: the first of each list that the flight has is used.
     #[serde(default)]
     channels: WrittenChannels,
-    /// A second file of each flight, with a reference or a velocity.
+    /// Second file of each flight, with a reference or a velocity.
     #[cfg_attr(feature = "schema", schemars(with = "Option<WrittenReference>"))]
     reference: Option<Spanned<WrittenReference>>,
-    /// How the compensators run.
+    /// Settings of the compensators.
     #[serde(default)]
     replay: WrittenReplay,
-    /// Where channel maps come from.
+    /// Sources of channel maps.
     #[serde(default)]
     maps: WrittenMaps,
-    /// Criteria that flights are judged by.
+    /// Acceptance criteria of flights.
     criteria: Option<WrittenCriteria>,
 }
 
@@ -114,14 +114,14 @@ struct WrittenReference {
     /// extension, `*` matches anything: `{stem}.pos`, `{stem}_*.csv`.
     #[cfg_attr(feature = "schema", schemars(with = "String"))]
     file: Spanned<String>,
-    /// How its clock relates to that of the log: `auto` (two files with UTC or GPS time share a clock; for others the
-    /// offset is estimated), `same`, or `own` (the offset is estimated). Default: auto.
+    /// Relation of its clock to the clock of the log: `auto` (two files with UTC or GPS time share a clock; for others
+    /// the offset is estimated), `same`, or `own` (the offset is estimated). Default: auto.
     #[serde(default)]
     #[cfg_attr(feature = "schema", schemars(with = "WrittenClock"))]
     clock: ClockRule,
 }
 
-/// How the clock of a reference file relates to that of the log.
+/// Relation of the clock of a reference file to the clock of the log.
 #[cfg(feature = "schema")]
 #[derive(JsonSchema)]
 #[serde(rename_all = "kebab-case")]
@@ -140,7 +140,7 @@ struct WrittenMeasure {
     #[cfg_attr(feature = "schema", schemars(with = "Option<[f64; 2]>"))]
     search_s: Option<Spanned<[f64; 2]>>,
     /// Distance of the antenna ahead of the point where velocity is measured, m; negative is aft. It shifts the delay
-    /// by about -1/speed per metre. Default: from the log's parameters, else unknown.
+    /// by about -1/speed per metre. Default: from the parameters in the log, otherwise unknown.
     #[cfg_attr(feature = "schema", schemars(with = "Option<f64>", range(min = -100.0, max = 100.0)))]
     antenna_ahead_m: Option<Spanned<f64>>,
     /// Standard uncertainty of the antenna position, m; it increases that of the delay. Default: 0.
@@ -152,11 +152,11 @@ struct WrittenMeasure {
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct WrittenDelay {
-    /// Which delay is removed. Default: fixed with `position_s`, card with `card` or `cards`, else network. Fallback
-    /// for a flight without a delay of its own: the card if one is given, then `position_s`, else nothing is removed.
+    /// Delay to remove. Default: fixed with `position_s`, card with `card` or `cards`, otherwise network. Fallback for
+    /// a flight without its own delay: the card if one is given, then `position_s`; otherwise nothing is removed.
     #[cfg_attr(feature = "schema", schemars(with = "Option<WrittenFrom>"))]
     from: Option<Spanned<WrittenFrom>>,
-    /// How late position is against velocity, s; positive means late.
+    /// Lateness of position against velocity, s; positive means late.
     #[cfg_attr(feature = "schema", schemars(with = "Option<f64>", extend("exclusiveMinimum" = 0.0), range(max = 30.0)))]
     position_s: Option<Spanned<f64>>,
     /// With `position_s`: its standard uncertainty (k = 1), s; omit if unknown.
@@ -177,12 +177,12 @@ struct WrittenDelay {
     pin: Option<Spanned<Vec<Pin>>>,
 }
 
-/// Which delay is removed.
+/// Delay to remove.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 enum WrittenFrom {
-    /// How late the position is: the mean of the other flights of its group, else the flight's own delay network.
+    /// Lateness of the position: the mean of the other flights of its group, otherwise the flight's own delay network.
     Network,
     /// `position_s`.
     Fixed,
@@ -286,12 +286,12 @@ struct WrittenChannels {
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct WrittenReplay {
-    /// What a compensator assumes before its first sample. Default: warm.
+    /// Assumption of a compensator before its first sample. Default: warm.
     start: Option<WrittenStart>,
-    /// Velocity gaps up to this long are bridged, s. Default: two delays, and at least 2.5 velocity intervals.
+    /// Longest velocity gap that is bridged, s. Default: two delays, and at least 2.5 velocity intervals.
     #[cfg_attr(feature = "schema", schemars(with = "Option<f64>", range(min = 0.0, max = 600.0)))]
     bridge_s: Option<Spanned<f64>>,
-    /// Flights whose ground speed stays below this are not replayed, m/s. Default: 0.5.
+    /// Minimum ground speed, m/s: flights that never exceed it are not replayed. Default: 0.5.
     #[cfg_attr(feature = "schema", schemars(with = "Option<f64>", range(min = 0.0)))]
     min_speed_mps: Option<Spanned<f64>>,
     /// Length of the zoom on the hardest manoeuvre, s. Default: 20.
@@ -312,7 +312,7 @@ struct WrittenReplay {
     compensators: Option<Vec<Spanned<String>>>,
 }
 
-/// What a compensator assumes before its first sample.
+/// Assumption of a compensator before its first sample.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
@@ -339,7 +339,7 @@ impl From<WrittenStart> for StartRule {
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 struct WrittenMaps {
-    /// Folder with further channel maps, relative to this file.
+    /// Folder with more channel maps, relative to this file.
     folder: Option<PathBuf>,
     /// Name of the map for every flight; omit to select it by the content of each log.
     force: Option<String>,
@@ -587,7 +587,7 @@ impl Pipeline {
         blake3::hash(toml::to_string(&part).unwrap_or_default().as_bytes()).to_hex().to_string()
     }
 
-    /// How delays are measured.
+    /// Settings of the measurement of delays.
     pub(crate) fn measure_settings(&self) -> FlightDelaySettings {
         let ResolvedMeasure { search_s: [from, to], .. } = self.resolved.measure;
         FlightDelaySettings { search_s: (from, to), ..FlightDelaySettings::default() }
@@ -616,7 +616,7 @@ impl Pipeline {
     pub fn with_reference(mut self, file: Option<String>, clock: Option<ClockRule>) -> Result<Pipeline, CampaignError> {
         let known = self.resolved.reference.take();
         if clock.is_some() && file.is_none() && known.is_none() {
-            let what = "--reference-clock needs a reference file: add --reference FILE";
+            let what = "--reference-clock needs --reference FILE";
             return Err(CampaignError::Asked(what.to_owned()));
         }
         let clock = clock.or(known.as_ref().map(|rule| rule.clock)).unwrap_or_default();
@@ -823,7 +823,7 @@ impl Checker<'_> {
     fn known_layout(&self, schema: &Spanned<u32>) -> Result<(), Refused> {
         match schema.get_ref() {
             1 => Ok(()),
-            _ => Err(self.fault(schema, "schema must be 1, the only version that this flightlag knows")),
+            _ => Err(self.fault(schema, "schema must be 1, the only version that this release supports")),
         }
     }
 
@@ -844,8 +844,8 @@ impl Checker<'_> {
             return Ok(());
         }
         let what = format!(
-            "delay.position_s = {seconds} s: outside of measure.search_s = [{from}, {to}] s, so that no flight can show it; \
-             widen the search or correct the delay"
+            "delay.position_s = {seconds} s: outside of measure.search_s = [{from}, {to}] s, so no flight can show \
+             it; widen the search or correct the delay"
         );
         Err(match &written.get_ref().position_s {
             Some(at) => self.fault(at, what),
@@ -887,7 +887,7 @@ impl Checker<'_> {
 
     fn sensor(&self, written: Spanned<WrittenSensor>) -> Result<Spanned<SensorIdentity>, Refused> {
         if written.get_ref().model.trim().is_empty() {
-            return Err(self.fault(&written, "sensor.model must say which sensor it is"));
+            return Err(self.fault(&written, "sensor.model must name the sensor"));
         }
         let span = written.span();
         Ok(Spanned::new(span, written.into_inner().into()))
@@ -905,7 +905,7 @@ impl Checker<'_> {
         let cards = match (&delay.card, &delay.cards) {
             (Some(card), None) => self.of_card(card, delay, sensor),
             (None, Some(folder)) => self.of_folder(folder, delay, sensor),
-            (Some(_), Some(_)) => Err(self.fault(written, "[delay] must give one of `card` and `cards`, and no more")),
+            (Some(_), Some(_)) => Err(self.fault(written, "[delay] takes either `card` or `cards`, not both")),
             (None, None) => self.without_card(delay, sensor),
         };
         let fixed = delay.position_s.as_ref().map(|seconds| self.stated(seconds, written)).transpose();
@@ -935,8 +935,8 @@ impl Checker<'_> {
                 (false, true) => Ok(DelaySource::Card),
                 (false, false) => Ok(DelaySource::Network),
                 (true, true) => {
-                    let what = "[delay] must say with `from` whether the number or the card is removed, or give one of \
-                                `position_s`, `card` and `cards`, and no more";
+                    let what = "[delay] has a number and a card: state with `from` which one is removed, or keep \
+                        only one of `position_s`, `card` and `cards`";
                     Err(self.fault(written, what))
                 }
             };
@@ -956,13 +956,13 @@ impl Checker<'_> {
         sensor: Option<&Spanned<SensorIdentity>>,
     ) -> Result<(Vec<UsedCard>, ResolvedDelay), Refused> {
         if let Some(sensor) = sensor {
-            return Err(self.fault(sensor, "[sensor] selects a card: it needs delay.card or delay.cards"));
+            return Err(self.fault(sensor, "[sensor] selects a card and needs delay.card or delay.cards"));
         }
         if let Some(pin) = &delay.pin {
             return Err(self.fault(pin, "delay.pin is for sensor cards: remove it or position_s"));
         }
         if delay.position_s.is_none() {
-            self.no_words_without_number(delay, "goes with position_s: leave it out")?;
+            self.no_words_without_number(delay, "is only for position_s: remove it")?;
         }
         Ok((vec![], ResolvedDelay::default()))
     }
@@ -974,13 +974,18 @@ impl Checker<'_> {
         let can_be_removed = seconds > 0.0 && seconds <= LONGEST_DELAY_S;
         let delay = Delay::from_seconds(seconds).filter(|_| can_be_removed).ok_or_else(|| {
             let wrong = settings::within("delay.position_s", seconds, 0.0, LONGEST_DELAY_S).err();
-            let only_late = || format!("delay.position_s = {seconds} s: a delay is in seconds, above 0: only a late position can be compensated");
+            let only_late = || {
+                format!(
+                    "delay.position_s = {seconds} s: must be above 0, in seconds: only a late \
+                position can be compensated"
+                )
+            };
             self.fault(position_s, wrong.unwrap_or_else(only_late))
         });
         let source = match source {
             None => Ok(NO_SOURCE.to_owned()),
             Some(source) if source.get_ref().trim().is_empty() => {
-                Err(self.fault(source, "delay.source must say where the delay comes from"))
+                Err(self.fault(source, "delay.source must state where the delay comes from"))
             }
             Some(source) => Ok(source.get_ref().clone()),
         };
@@ -1003,7 +1008,7 @@ impl Checker<'_> {
     fn no_number_with_card(&self, delay: &WrittenDelay) -> Result<(), Refused> {
         match &delay.position_s {
             Some(_) => Ok(()),
-            None => self.no_words_without_number(delay, "comes from the sensor card: leave it out"),
+            None => self.no_words_without_number(delay, "comes from the sensor card: remove it"),
         }
     }
 
@@ -1017,7 +1022,10 @@ impl Checker<'_> {
         let found = self.shelf.card(&self.next_to_file(card.get_ref()));
         let found = found.map_err(|what| self.fault(card, format!("delay.card: {what}")))?;
         if let Some((sensor, conflict)) = sensor.and_then(|s| Some((s, found.conflict(s.get_ref())?))) {
-            let what = format!("[sensor] is not that of {}, first here, then there: {conflict}", found.name());
+            let what = format!(
+                "[sensor] contradicts the card {} (first the pipeline, then the card): {conflict}",
+                found.name()
+            );
             return Err(self.fault(sensor, what));
         }
         let resolved = ResolvedDelay { card: Some(found.name().to_owned()), ..ResolvedDelay::default() };
@@ -1032,9 +1040,7 @@ impl Checker<'_> {
     ) -> Result<(Vec<UsedCard>, ResolvedDelay), Refused> {
         self.no_number_with_card(delay)?;
         let Some(sensor) = sensor else {
-            return Err(
-                self.fault(folder, "delay.cards needs [sensor]: with a model at least, to know which card to take")
-            );
+            return Err(self.fault(folder, "delay.cards needs [sensor] with at least a model, to select the card"));
         };
         let path = self.next_to_file(folder.get_ref());
         let at_folder = |what: String| self.fault(folder, format!("delay.cards: {what}"));
@@ -1056,7 +1062,7 @@ impl Checker<'_> {
         match &delay.pin {
             Some(stated) if !crate::cards::same_pins(stated.get_ref(), &pin) => {
                 let found: Vec<String> = pin.iter().map(|p| format!("{} with {}", p.file, p.blake3)).collect();
-                Err(self.fault(stated, format!("delay.pin names other cards than were found: {}", found.join(", "))))
+                Err(self.fault(stated, format!("delay.pin names other cards than those found: {}", found.join(", "))))
             }
             _ => Ok((cards, ResolvedDelay { pin, ..resolved })),
         }
@@ -1084,7 +1090,8 @@ impl Checker<'_> {
         match list.get_ref().iter().find(is_invalid) {
             Some(invalid) => {
                 let what = format!(
-                    "channel `{invalid}` is not a {quantity}; names are `{quantity}.source`, as `{}`",
+                    "channel `{invalid}` is not a {quantity}; names have the form `{quantity}.source`, such as \
+                        `{}`",
                     default[0]
                 );
                 Err(self.fault(&list, what))
@@ -1095,7 +1102,7 @@ impl Checker<'_> {
 
     fn reference(&self, written: WrittenReference) -> Result<ReferenceRule, Refused> {
         if written.file.get_ref().trim().is_empty() {
-            return Err(self.fault(&written.file, "reference.file must name a file, as \"{stem}.pos\""));
+            return Err(self.fault(&written.file, "reference.file must name a file, such as \"{stem}.pos\""));
         }
         Ok(ReferenceRule { file: written.file.into_inner(), clock: written.clock })
     }
@@ -1116,8 +1123,8 @@ impl Checker<'_> {
             return Ok([plain_zero(from), plain_zero(to)]);
         }
         let what = format!(
-            "measure.search_s = [{from}, {to}]: the first must be below the last, and both at most {LONGEST_SEARCH_S} s \
-             apart"
+            "measure.search_s = [{from}, {to}]: the first must be below the second, and they must be at most \
+             {LONGEST_SEARCH_S} s apart"
         );
         Err(self.fault(given, what))
     }
@@ -1301,8 +1308,8 @@ mod tests {
         let lines: Vec<&str> = error.lines().collect();
         let right = [
             (3, "400 ms are 0.4 s"),
-            (4, "delay.source must say"),
-            (6, "the first must be below the last"),
+            (4, "delay.source must state"),
+            (6, "the first must be below the second"),
             (7, "measure.antenna_ahead_m = \"3 m\": must be a number in m"),
             (9, "is not a velocity"),
             (11, "did you mean `zoom_s`?"),
@@ -1491,7 +1498,7 @@ mod tests {
         for (delay, says) in [
             ("from = \"fixed\"\ncard = \"shelf/a.card.toml\"", "needs `position_s`"),
             ("from = \"card\"\nposition_s = 0.4\nsource = \"s\"", "needs `card` or `cards`"),
-            ("from = \"flight\"\nsource = \"s\"", "goes with position_s"),
+            ("from = \"flight\"\nsource = \"s\"", "is only for position_s"),
             ("from = \"moon\"", "unknown value `moon`"),
         ] {
             let error = Pipeline::parse(&format!("schema = 1\n[delay]\n{delay}\n"), &path).unwrap_err();
@@ -1592,7 +1599,7 @@ mod tests {
         );
         std::fs::write(folder.path().join("shelf/a.card.toml"), example_card("1", "2026-01-02")).unwrap();
         let error = Pipeline::parse(&resolved.toml, &path).unwrap_err();
-        assert!(error.what.contains("names other cards than were found: a.card.toml with"), "{error}");
+        assert!(error.what.contains("names other cards than those found: a.card.toml with"), "{error}");
         assert!(Pipeline::of_manifest(&resolved.toml, &[]).is_err());
     }
 

@@ -139,7 +139,7 @@ fn decision_of(asked: DelaySource, removed: &RemovedDelay, lateness: &FlightLate
 /// Text without the number of flights, which is in the campaign's table.
 fn others_words(removed: &RemovedDelay) -> String {
     match removed.row {
-        1 => "the mean of the other flights of its group; the residual in this flight is a test of it".to_owned(),
+        1 => "the mean of the other flights of its group; the residual in this flight tests it".to_owned(),
         3 => "the mean of the other flights of its group; this flight does not show its own delay".to_owned(),
         _ => "the mean of the other flights of its group".to_owned(),
     }
@@ -149,7 +149,7 @@ fn others_words(removed: &RemovedDelay) -> String {
 fn refuse_what_is_not_late(decision: &mut Decision, lateness: &FlightLateness) {
     let forced = matches!(decision.asked, DelaySource::Fixed | DelaySource::Card);
     if !forced && lateness.kind.varies() {
-        nothing(decision, format!("no single delay: it {} during the flight", lateness.kind.word()));
+        nothing(decision, format!("there is no single delay: it {} during the flight", lateness.kind.word()));
     } else if let Some(delay_s) = decision.delay_s
         && delay_s <= 0.0
     {

@@ -233,7 +233,7 @@ fn of_flight(case: &Case<'_>, measured: &Finding<MeasuredDelay>) -> Result<Found
     };
     if let Some(rival) = measured.rival_s {
         return Err(format!(
-            "the flight does not show its delay: {} and {} ms explain it almost equally well",
+            "the flight does not show its delay: {} and {} ms fit it almost equally well",
             shown(&measured.delay_s),
             (1e3 * rival).round()
         ));

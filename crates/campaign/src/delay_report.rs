@@ -419,7 +419,7 @@ mod tests {
         assert_eq!(report(vec![tail_cut]), Exit::Well, "power goes off at the end of most logs");
         assert_eq!(report(vec![whole.clone(), damaged.clone()]), Exit::Incomplete);
         assert_eq!(report(vec![queues]), Exit::Incomplete, "a delay that changes is no result to rely on");
-        let text = "a.pos is not used: there is no such file".to_owned();
+        let text = "a.pos is not used: the file does not exist".to_owned();
         let alarm = crate::line::LineAlarm { gravity: "amber".into(), code: "reference-not-used".into(), text };
         let alone = with(&|l| l.alarms.push(alarm.clone()));
         assert_eq!(report(vec![alone]), Exit::Incomplete, "what was asked for was not done");

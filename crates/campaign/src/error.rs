@@ -34,7 +34,7 @@ pub enum CampaignError {
     #[error(transparent)]
     Store(#[from] crate::store::StoreError),
     /// Another process uses the same output folder.
-    #[error("{}: another flightlag is at work on this folder ({owner})", out.display())]
+    #[error("{}: another flightlag is working on this folder ({owner})", out.display())]
     Busy {
         /// The output folder.
         out: PathBuf,
@@ -67,7 +67,7 @@ pub enum CampaignError {
     #[error("{0}: plan again")]
     Outdated(String),
     /// The user stopped.
-    #[error("stopped; finished flights are kept, the same command goes on from there")]
+    #[error("stopped; finished flights are kept; run the same command again to continue")]
     Cancelled,
 }
 

@@ -36,7 +36,7 @@ pub fn gc(out: &Path, dry_run: bool, context: &RunContext<'_>) -> Result<Garbage
     let _lock = if dry_run { None } else { Some(OutputLock::take(&store, context)?) };
     let state = State::recall(&store);
     let record = previous_record(&store).filter(|record| record.blake3 == state.record_blake3);
-    let run_first = "its campaign.json is missing or not as it was written; run the campaign again first";
+    let run_first = "its campaign.json is missing or was changed; run the campaign again first";
     let record = record.ok_or_else(|| refused(run_first))?.record;
     let mut used: BTreeSet<String> = record.flights.iter().map(|row| row.key.clone()).collect();
     used.extend(state.keys().map(str::to_owned));

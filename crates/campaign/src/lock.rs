@@ -138,7 +138,7 @@ impl Drop for OutputLock {
 fn busy(store: &Store, owner: Option<Owner>) -> CampaignError {
     CampaignError::Busy {
         out: store.root().to_owned(),
-        owner: owner.map_or("its process is not known".to_owned(), |owner| owner.owner),
+        owner: owner.map_or("its process is unknown".to_owned(), |owner| owner.owner),
     }
 }
 
@@ -189,7 +189,7 @@ fn owner_at_work(file: &mut File, silence: Duration, context: &RunContext<'_>) -
         Some(false) => return Ok(Some(owner)),
         None => {}
     }
-    let text = format!("{} did not release this folder; checking whether it still runs", owner.owner);
+    let text = format!("{} did not release this folder; checking whether it is still running", owner.owner);
     context.send(Event::Remark { text });
     let since = Instant::now();
     while since.elapsed() < silence {

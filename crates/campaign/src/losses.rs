@@ -29,11 +29,11 @@ pub(crate) fn weigh(notices: &mut Notices, health: &LogHealth, binding: &Binding
     let why = match elsewhere.into_iter().collect::<Vec<_>>()[..] {
         [] => format!("no channel that is used has a hole of more than {BRIDGED_S} s"),
         [topic] => format!("no result uses {topic}"),
-        [topic, ..] => format!("no result uses {topic} and the other topics that were hit"),
+        [topic, ..] => format!("no result uses {topic} or the other damaged topics"),
     };
     let count = losses().count() as u64;
     notices.lower_losses();
-    let text = format!("less than 0.1 % of the log could not be read, and that touches no result: {why}");
+    let text = format!("less than 0.1 % of the log could not be read, and no result is affected: {why}");
     notices.push(Code::MinorLoss, "", count, text);
 }
 

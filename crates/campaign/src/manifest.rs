@@ -233,7 +233,7 @@ impl fmt::Display for Why {
             Why::RecordsChanged { was, is } => write!(f, "record version was {was}, is {is}"),
             Why::DelayChanged { was, is } => write!(f, "the delay to remove was {was}, is {is}"),
             Why::ResultMissing => f.write_str("its result is missing or damaged"),
-            Why::EarlierTrouble => f.write_str("the attempt before ran into trouble"),
+            Why::EarlierTrouble => f.write_str("the last attempt failed"),
         }
     }
 }
@@ -487,11 +487,11 @@ impl Manifest {
         let wrong = |what: String| CampaignError::Manifest { path: path.to_owned(), what };
         let text = self.text(path)?;
         let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let name = path.file_name().and_then(|n| n.to_str()).ok_or_else(|| wrong("is not a file name".into()))?;
+        let name = path.file_name().and_then(|n| n.to_str()).ok_or_else(|| wrong("not a file name".into()))?;
         match read_unopened(folder, name)? {
             Some(there) if there == text => return Ok(()),
             Some(_) => {
-                return Err(CampaignError::Asked(format!("{}: is there already; name another file", path.display())));
+                return Err(CampaignError::Asked(format!("{}: already exists; name another file", path.display())));
             }
             None => {}
         }

@@ -14,7 +14,7 @@ pub(crate) fn no_position(flight: &Flight, binding: &Binding, wanted: &[String])
         Some(channel) => {
             let reasons: Vec<String> = channel.rejected.iter().map(|r| format!("{} ({})", r.reason, r.count)).collect();
             format!(
-                "no position: {} is bound to {} ({}), and none of its {} rows is a fix that can be used: {}. {held}",
+                "no position: {} is bound to {} ({}), but none of its {} rows is a usable fix: {}. {held}",
                 channel.name,
                 channel.source.topic,
                 channel.source.fields.join(", "),
@@ -25,13 +25,13 @@ pub(crate) fn no_position(flight: &Flight, binding: &Binding, wanted: &[String])
         None if never_fixed(flight).is_some() => {
             let (fix, rows) = never_fixed(flight).unwrap_or_default();
             format!(
-                "no position: the receiver never had a fix: {fix} is 0 in all {rows} rows, so no row has a latitude and a \
-                 longitude. {held}"
+                "no position: the receiver never had a fix. {fix} is 0 in all {rows} rows, so no row has a latitude \
+                 and a longitude. {held}"
             )
         }
         None => {
             format!(
-                "no position channel: the pipeline asks for {}, and the log has none of them. {held}",
+                "no position channel: the pipeline asks for {}, but the log has none of them. {held}",
                 some_of(wanted)
             )
         }
@@ -48,9 +48,9 @@ fn never_fixed(flight: &Flight) -> Option<(&str, usize)> {
 fn held(flight: &Flight) -> String {
     let names: Vec<&str> = flight.channels.keys().take(NAMED).map(String::as_str).collect();
     match flight.channels.len().saturating_sub(names.len()) {
-        0 if names.is_empty() => "No other channel is there".to_owned(),
-        0 => format!("These channels are there: {}", names.join(", ")),
-        more => format!("These channels are there: {} and {more} more", names.join(", ")),
+        0 if names.is_empty() => "There is no other channel".to_owned(),
+        0 => format!("The channels are: {}", names.join(", ")),
+        more => format!("The channels are: {} and {more} more", names.join(", ")),
     }
 }
 
@@ -75,13 +75,12 @@ mod tests {
         let words = |channels| no_position(&Flight::default(), &binding(channels), &wanted);
         assert_eq!(
             words(gps),
-            "no position: position.gps is bound to GPS (Lat, Lng), and none of its 310 rows is a fix that can be used: Status is \
-             below 3 (310). No other channel is there"
+            "no position: position.gps is bound to GPS (Lat, Lng), but none of its 310 rows is a usable fix: Status is \
+             below 3 (310). There is no other channel"
         );
         assert_eq!(
             words(serde_json::json!([])),
-            "no position channel: the pipeline asks for position.gps, position.gnss, and the log has none of them. No other \
-             channel is there"
+            "no position channel: the pipeline asks for position.gps, position.gnss, but the log has none of them. There is no other channel"
         );
     }
 
@@ -106,7 +105,7 @@ mod tests {
             no_position(&flight, &binding(serde_json::json!([])), &["position.gps".to_owned()])
         };
         let none = words(vec![0.0; 3]);
-        assert!(none.starts_with("no position: the receiver never had a fix: fix.gps is 0 in all 3 rows"), "{none}");
+        assert!(none.starts_with("no position: the receiver never had a fix. fix.gps is 0 in all 3 rows"), "{none}");
         assert!(words(vec![0.0, 1.0]).starts_with("no position channel"));
     }
 }

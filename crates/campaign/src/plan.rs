@@ -59,7 +59,7 @@ impl Order {
 }
 
 /// Start of the reason for skipping a log that is still being written.
-pub const STILL_WRITTEN: &str = "still being written: left for the next run";
+pub const STILL_WRITTEN: &str = "still being written; skipped until the next run";
 
 /// Why a folder without files is not a flight.
 pub const EMPTY_FOLDER: &str = "the folder is empty";
@@ -193,9 +193,9 @@ impl Planner<'_> {
         let (kept, left): (Vec<FlightUnit>, Vec<FlightUnit>) =
             unsettled.into_iter().partition(|unit| self.has_result(unit, &memory));
         let minutes = settle.as_secs_f64() / 60.0;
-        let reason = format!("{STILL_WRITTEN} (written to less than {minutes} min before this one)");
+        let reason = format!("{STILL_WRITTEN} (last written less than {minutes} min before this run)");
         self.ignore(&left, &reason, found);
-        self.ignore(&kept, &format!("{reason}; its result of the last run stays"), found);
+        self.ignore(&kept, &format!("{reason}; its result of the last run is kept"), found);
         // A file that is just being copied is not recognised as a log yet.
         for input in found.ignored.iter_mut().filter(|input| self.state.has_flight(&input.path)) {
             if !input.reason.starts_with(STILL_WRITTEN) && is_fresh(&self.logs.root().join(&input.path)) {
@@ -364,7 +364,10 @@ pub(crate) const BENCH_MARK: &str = ".flightlag/bench.json";
 /// Rejects a folder with a report of another kind, which would be overwritten page by page.
 pub(crate) fn refuse_other_kind(out: &Path, mark: &str, kind: &str) -> Result<(), CampaignError> {
     match read_unopened(out, mark)?.is_some() {
-        true => Err(CampaignError::Asked(format!("{}: holds the report of {kind}; give another --out", out.display()))),
+        true => Err(CampaignError::Asked(format!(
+            "{}: already holds the report of {kind}; give another --out",
+            out.display()
+        ))),
         false => Ok(()),
     }
 }
@@ -377,7 +380,7 @@ pub(crate) fn check_out(input: &Path, out_folder: &Path) -> Result<(), CampaignE
     };
     let (root, out) = (whole(input, &|path| path.canonicalize())?, whole(out_folder, &to_be)?);
     if out.starts_with(&root) || root.starts_with(&out) {
-        let what = "logs and the output folder must not hold one another";
+        let what = "the output folder must not be inside the folder of the logs, nor the logs inside it";
         return Err(CampaignError::Asked(format!("{} and {}: {what}", input.display(), out_folder.display())));
     }
     // A run killed at its very start leaves at most these.
@@ -385,7 +388,7 @@ pub(crate) fn check_out(input: &Path, out_folder: &Path) -> Result<(), CampaignE
     if read_unopened(out_folder, LOCK)?.is_some() || !first_names(out_folder)?.iter().any(|name| foreign(name)) {
         return Ok(());
     }
-    let what = "this folder holds something that flightlag did not write; give an empty or new folder for --out";
+    let what = "this folder holds files that flightlag did not write; give an empty or new folder for --out";
     Err(CampaignError::Asked(format!("{}: {what}", out_folder.display())))
 }
 

@@ -104,7 +104,7 @@ pub fn reduce(manifest: &Manifest, context: &RunContext<'_>) -> Result<Verdict, 
 }
 
 fn plan_again(count: usize) -> CampaignError {
-    CampaignError::Outdated(format!("{count} results were damaged and have been removed"))
+    CampaignError::Outdated(format!("{count} damaged results were removed"))
 }
 
 /// Maximum number of changed files that are named.
@@ -124,7 +124,7 @@ pub(crate) fn compare(
     };
     let names: Vec<&str> = changed.iter().take(MOST_CHANGED).map(String::as_str).collect();
     if !names.is_empty() {
-        let text = format!("missing or changed since they were written, and made again: {}{more}", names.join(", "));
+        let text = format!("files that were missing or changed were written again: {}{more}", names.join(", "));
         context.send(Event::Remark { text });
     }
     Ok(())
@@ -233,7 +233,7 @@ fn source_of(planned: &Planned, manifest: &Manifest, store: &Store, state: &Stat
     let without = || match &planned.trouble {
         Some(trouble) => failed_record(planned, manifest, trouble.clone()),
         None => {
-            let outcome = Outcome::Pending { reason: "no result has been made yet".to_owned() };
+            let outcome = Outcome::Pending { reason: "there is no result yet".to_owned() };
             FlightRecord { outcome, ..failed_record(planned, manifest, String::new()) }
         }
     };
@@ -557,7 +557,8 @@ impl Reducer<'_> {
         }
         if pages > 0 {
             let text = format!(
-                "removed pages of flights that are no longer in the folder: {pages}; their results stay in by-key"
+                "removed pages of flights that are no longer in the folder: {pages}; their results are kept in \
+                 by-key"
             );
             self.context.send(Event::Remark { text });
         }
@@ -856,7 +857,7 @@ fn output_reasons(replay: &record::ReplayRecord) -> Vec<String> {
         restarts => reasons.push(format!("velocity gaps: the compensators restarted {restarts} times")),
     }
     if let Some(share) = valid_share(replay).filter(|share| *share < FEW_VALID) {
-        reasons.push(format!("compensated for {:.0} % of the time only", 100.0 * share));
+        reasons.push(format!("compensated for only {:.0} % of the time", 100.0 * share));
     }
     reasons
 }

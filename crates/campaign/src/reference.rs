@@ -99,7 +99,8 @@ pub(crate) fn with_references(
     }
     if out.len() > 1 && !rule.is_pattern() {
         return Err(CampaignError::Asked(format!(
-            "{}: one reference file for {} flights; give a pattern in which {STEM} is the name of the log, as {STEM}.pos",
+            "{}: one reference file for {} flights; give a pattern in which {STEM} is the name of the log, such as \
+             {STEM}.pos",
             rule.file,
             out.len()
         )));
@@ -134,11 +135,14 @@ impl ReferenceRule {
     fn none_found(&self, file: &str, reason: &str) -> String {
         match self.is_pattern() {
             true => format!(
-                "reference file {}: no flight has one; the first one looked for is {file:?}: {reason}",
+                "reference file {}: no flight has one; flightlag looked first for {file:?}: {reason}",
                 self.file
             ),
             false => {
-                format!("reference file {file}: {reason}; a relative path starts here or at the folder of the log")
+                format!(
+                    "reference file {file}: {reason}; a relative path starts in the current folder or in the \
+                    folder of the log"
+                )
             }
         }
     }
@@ -156,7 +160,7 @@ impl ReferenceRule {
         let missing = |reason: &str| (wanted.clone(), reason.to_owned());
         let path = if wanted.contains('*') { only_match(&path, &unit.files).map_err(|r| missing(&r))? } else { path };
         let path = path.canonicalize().map_err(|e| match e.kind() {
-            std::io::ErrorKind::NotFound => missing("there is no such file"),
+            std::io::ErrorKind::NotFound => missing("the file does not exist"),
             _ => missing(&e.to_string()),
         })?;
         let is_own = unit.files.iter().any(|f| f.canonicalize().is_ok_and(|f| f == path));
@@ -175,10 +179,10 @@ fn only_match(pattern: &Path, own: &[PathBuf]) -> Result<PathBuf, String> {
     let mut found: Vec<PathBuf> = entries.flatten().map(|e| e.path()).filter(fits).collect();
     found.sort();
     match found.as_slice() {
-        [] => Err("no file has such a name".to_owned()),
+        [] => Err("no file has a matching name".to_owned()),
         [one] => Ok(one.clone()),
         [first, second, ..] => Err(format!(
-            "{} files have such a name, among them {} and {}",
+            "{} files have a matching name, among them {} and {}",
             found.len(),
             first.file_name().unwrap_or_default().display(),
             second.file_name().unwrap_or_default().display()
@@ -252,14 +256,15 @@ impl ReferenceLog {
         let next = alike.get(1).map_or(-1.0, |(next, ..)| next.correlation);
         if best.correlation < LEAST_ALIKE || best.correlation - next < DECIDES {
             return Err(format!(
-                "{why}; and compared with the log: no order and sign of its axes moves as the log does and any other less (best \
-                 correlation of the velocities {:.2}, next {next:.2})",
+                "{why}. The comparison with the log is also not conclusive: no order and sign of its axes fits the \
+                 motion clearly better than the others (best correlation of the velocities {:.2}, next {next:.2})",
                 best.correlation
             ));
         }
         if best.scale.ln().abs() > SAME_SCALE {
             return Err(format!(
-                "read as {summary}, it moves {:.2} times as fast as the log: state the unit in the name of its column, as vn_kmh",
+                "read as {summary}, it moves {:.2} times as fast as the log: state the unit in the name of its column, \
+                 such as vn_kmh",
                 best.scale
             ));
         }
@@ -325,16 +330,16 @@ pub(crate) fn settled(reference: ReferenceFile, network: Option<&DelayNetwork>) 
 fn words(files: &[String], clock: &ReferenceClock) -> String {
     let files = files.join(", ");
     match clock {
-        ReferenceClock::Same => format!("{files}: its clock is that of the log"),
+        ReferenceClock::Same => format!("{files}: it uses the clock of the log"),
         ReferenceClock::Own(offset) => {
             let expanded_ms = 2e3 * offset.standard_uncertainty_s;
             let drift = offset.drift.map_or(String::new(), |drift| {
                 let u = drift.standard_uncertainty.map_or(String::new(), |u| format!(" ± {:.0}", 2e6 * u));
-                format!(", and gains {:.0}{u} µs each second", 1e6 * drift.value)
+                format!("; the clock of the log gains {:.0}{u} µs per second", 1e6 * drift.value)
             });
             format!(
-                "{files}: it has a clock of its own; that of the log less this one is {:.4} s ± {expanded_ms:.1} ms (k = 2), with {} \
-                 on time{drift}",
+                "{files}: it has its own clock; the clock of the log minus this clock is {:.4} s ± {expanded_ms:.1} \
+                 ms (k = 2), with {} on time{drift}",
                 offset.offset_ns as f64 * 1e-9,
                 offset.by
             )

@@ -38,7 +38,7 @@ pub(crate) fn list(store: &Store, summary: &Summary, context: &RunContext<'_>) -
     store.write(SUMMARY, &text, Keep::Renewable)?;
     let Some(folder) = folder_of(store.root()) else { return Ok(()) };
     if let Err(error) = write(&folder) {
-        context.send(Event::Remark { text: format!("the page over all reports is not written: {error}") });
+        context.send(Event::Remark { text: format!("the page of all reports was not written: {error}") });
     }
     Ok(())
 }

@@ -357,7 +357,7 @@ pub fn record_of_page(page: &Path) -> io::Result<Option<Vec<u8>>> {
     let mut value = serde_json::from_slice::<Value>(&record)?;
     match details::put_back(&mut value, &details) {
         Some(()) => Ok(Some(line_of(&value))),
-        None => Err(io::Error::new(io::ErrorKind::InvalidData, format!("{DETAILS} is not that of this record"))),
+        None => Err(io::Error::new(io::ErrorKind::InvalidData, format!("{DETAILS} does not belong to this record"))),
     }
 }
 

@@ -32,7 +32,7 @@ pub(crate) fn unpacked(text: &[u8], rows: &[u8]) -> Result<CampaignRecord, Strin
     record.flights = each_row(rows, record.totals.flights).map_err(|e| format!("{ROWS}, {e}"))?;
     match record.totals.flights == record.flights.len() as u64 {
         true => Ok(record),
-        false => Err(format!("it counts {} flights, {ROWS} holds {}", record.totals.flights, record.flights.len())),
+        false => Err(format!("it lists {} flights, but {ROWS} has {}", record.totals.flights, record.flights.len())),
     }
 }
 
@@ -65,7 +65,7 @@ pub fn read_report(report: &Path) -> Result<Option<CampaignRecord>, (PathBuf, St
     };
     let rows = std::fs::read(report.join(ROWS)).map_err(|e| match e.kind() {
         io::ErrorKind::NotFound => {
-            (path.clone(), format!("is without {ROWS}, as an earlier flightlag wrote it; run the campaign again"))
+            (path.clone(), format!("has no {ROWS}, because an older release wrote it; run the campaign again"))
         }
         _ => (report.join(ROWS), format!("cannot be read: {e}")),
     })?;
@@ -86,6 +86,10 @@ pub(crate) fn gunzip(bytes: &[u8], most: u64) -> io::Result<Vec<u8>> {
     let length = MultiGzDecoder::new(bytes).take(most + 1).read_to_end(&mut plain)?;
     match length as u64 <= most {
         true => Ok(plain),
-        false => Err(io::Error::new(io::ErrorKind::InvalidData, "it inflates to more than anything we write")),
+        false => Err(io::Error::new(
+            io::ErrorKind::InvalidData,
+            "its uncompressed size is larger than flightlag \
+            writes",
+        )),
     }
 }

@@ -42,7 +42,7 @@ fn run_here(order: &Order, context: &RunContext<'_>, prepare: Prepare<'_>) -> Re
     let (report, reduction) = round(&mut state)?;
     let (report, reduction) = match reduction {
         Reduction::Damaged(flights) => {
-            let text = format!("damaged results are computed again: {}", flights.join(", "));
+            let text = format!("computing damaged results again: {}", flights.join(", "));
             context.send(Event::Remark { text });
             round(&mut state)?
         }
@@ -55,7 +55,7 @@ fn run_here(order: &Order, context: &RunContext<'_>, prepare: Prepare<'_>) -> Re
         }
         Reduction::Damaged(flights) => {
             let path = store.root().join("by-key");
-            let what = format!("results change after they are written: {}", flights.join(", "));
+            let what = format!("results changed after they were written: {}", flights.join(", "));
             Err(CampaignError::Table { path: path.display().to_string(), what })
         }
     }
@@ -110,8 +110,7 @@ fn enter(order: &Order, context: &RunContext<'_>) -> Result<(Store, OutputLock),
     let lock = OutputLock::take(&store, context)?;
     let leftovers = store.clean();
     if leftovers > 0 {
-        context
-            .send(Event::Remark { text: format!("{leftovers} temporary files of a run that was killed are removed") });
+        context.send(Event::Remark { text: format!("removed {leftovers} temporary files of a run that was killed") });
     }
     source::claim(&store, std::slice::from_ref(&order.flights))?;
     Ok((store, lock))

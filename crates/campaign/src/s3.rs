@@ -19,6 +19,6 @@ pub fn is_in_bucket(path: &Path) -> bool {
 /// The error for a bucket in a build without S3 support.
 #[cfg(not(feature = "s3"))]
 pub(crate) fn not_built() -> std::io::Error {
-    let what = "this flightlag is built without buckets; build it with `--features s3`";
+    let what = "flightlag was built without support for buckets; build it with `--features s3`";
     std::io::Error::new(std::io::ErrorKind::InvalidInput, what)
 }

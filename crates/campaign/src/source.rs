@@ -27,7 +27,7 @@ pub(crate) fn check(out: &Path, inputs: &[PathBuf], replace: bool) -> Result<(),
     let (out, was) = (out.display(), known.lines().next().unwrap_or_default());
     let is = now.first().map(String::as_str).unwrap_or_default();
     Err(CampaignError::Asked(format!(
-        "{out}: holds the report of {was}, and not of {is}; give another --out, or --replace to put the new report in its place"
+        "{out}: holds the report of {was}, not of {is}; give another --out, or --replace to replace the report"
     )))
 }
 
@@ -132,7 +132,7 @@ mod tests {
         check(&out, std::slice::from_ref(&second), true).unwrap();
         let error = check(&out, std::slice::from_ref(&second), false).unwrap_err().to_string();
         let (first, second) = (first.display(), second.display());
-        assert!(error.contains(&format!("holds the report of {first}, and not of {second}; ")), "{error}");
+        assert!(error.contains(&format!("holds the report of {first}, not of {second}; ")), "{error}");
     }
 
     #[test]

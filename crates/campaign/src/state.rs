@@ -172,7 +172,7 @@ impl State {
     /// Why a flight has a different result from the last run.
     pub(crate) fn causes(&self, flight: &Planned, manifest: &Manifest) -> Vec<String> {
         if !self.flights.contains_key(&flight.flight) {
-            return vec!["unknown: the notes on the last run are lost".to_owned()];
+            return vec!["unknown: the state of the last run is lost".to_owned()];
         }
         self.why(flight, manifest, Stage::Replay, false).iter().map(ToString::to_string).collect()
     }

@@ -203,7 +203,7 @@ impl Store {
         if inside && !name.is_empty() {
             return Ok(self.root.join(relative));
         }
-        let error = io::Error::new(io::ErrorKind::InvalidInput, "it is not below the output folder");
+        let error = io::Error::new(io::ErrorKind::InvalidInput, "it is outside of the output folder");
         Err(failed(relative, "use this name", error))
     }
 
@@ -316,7 +316,7 @@ impl Store {
     /// The same for a note that this store has read before. Fails if another writer has changed it since.
     pub(crate) fn rewrite_sealed(&self, name: &str, note: &impl Serialize) -> Result<(), StoreError> {
         let kept = self.put(name, Keep::Synced, Only::IfAsRead, |file| write_note(file, note))?;
-        let taken = || io::Error::new(io::ErrorKind::ResourceBusy, "another flightlag wrote it meanwhile");
+        let taken = || io::Error::new(io::ErrorKind::ResourceBusy, "another flightlag wrote it in the meantime");
         kept.map(drop).ok_or_else(|| failed(&self.root.join(name), "write", taken()))
     }
 

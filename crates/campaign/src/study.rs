@@ -84,7 +84,7 @@ impl Replaying {
     ) -> Result<Result<(Loaded, Option<ReferenceLog>), String>, Interrupted> {
         let on_bytes = |bytes| context.send(Event::Read { bytes });
         let reading = ReadContext { limits: Limits::default(), cancel: context.cancel, on_bytes: &on_bytes };
-        let trouble = || Interrupted::Lasting("its format is not known".to_owned());
+        let trouble = || Interrupted::Lasting("its format is unknown".to_owned());
         let unit = planned.unit().ok_or_else(trouble)?;
         let read = |found: PlannedReference| ReferenceLog::read(&found.found(), &self.library, &reading);
         let both = self.library.load(&unit, self.pipeline.forced_map(), &reading).and_then(|loaded| {
@@ -120,7 +120,7 @@ impl Replaying {
         let (binding, decision) = match (binding, decision) {
             (Ok(binding), Some(decision)) => (binding, decision),
             (binding, _) => {
-                let reason = binding.err().unwrap_or_else(|| "the delay to remove is not decided yet".to_owned());
+                let reason = binding.err().unwrap_or_else(|| "it is not decided yet which delay is removed".to_owned());
                 let (outcome, notices) = (Outcome::Failed { reason }, flight.notices);
                 return Studied::without_track(FlightRecord { outcome, log, notices, ..base });
             }

@@ -188,7 +188,7 @@ impl Worker<'_> {
     }
 
     fn studied(&self, flight: &Planned) -> Result<Attempt, Stop> {
-        let again = || lasting("its measurement was not whole and is made again by the next run".to_owned());
+        let again = || lasting("its measurement was incomplete; the next run makes it again".to_owned());
         let key = flight.measure_key.as_deref().unwrap_or_default();
         let measured = results::read_measured(self.store, key)?.ok_or_else(again)?;
         let (flight, files, _here) = self.here(flight)?;

@@ -87,7 +87,7 @@ impl TestCardFiles {
         let used: Vec<&str> = found.files().map(|card| card.file.as_str()).collect();
         ignored.retain(|input| !used.contains(&input.path.as_str()));
         for input in ignored.iter_mut().filter(|input| is_card(&input.path)) {
-            input.reason = "a test card without a flight: no log in its folder has its name".to_owned();
+            input.reason = "a test card without a flight: no log in its folder matches its names".to_owned();
         }
         Ok(found)
     }

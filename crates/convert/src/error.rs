@@ -32,7 +32,7 @@ pub enum ConvertError {
     #[error("{0}")]
     Nothing(String),
     /// The data read back differ from the data written; the output is discarded.
-    #[error("{}: the output reads back differently and was removed: {what}", path.display())]
+    #[error("{}: the output was read back, differed, and was removed: {what}", path.display())]
     ReadsBackDifferently {
         /// The output.
         path: PathBuf,

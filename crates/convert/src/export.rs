@@ -155,7 +155,7 @@ fn channels(order: &ExportOrder<'_>, context: &ReadContext<'_>) -> Result<Read, 
     let loaded = load(order.unit, order.library, order.map, context)?;
     let binding = loaded.binding.map_err(|reason| {
         ConvertError::Nothing(format!(
-            "{}: {reason}. `--topics` exports what the log holds, unconverted",
+            "{}: {reason}. `--topics` exports the topics of the log, unconverted",
             order.unit.id
         ))
     })?;
@@ -196,7 +196,7 @@ fn note_left_out(log: &mut Log) {
     const LISTED: usize = 200;
     let what = Code::NotWritten.at(Severity::Warning);
     for LeftOut { topic, fields, names } in log.left_out.iter().take(LISTED) {
-        let text = format!("fields without a column: their length is variable or too great: {names}");
+        let text = format!("fields without a column, because they are variable-length or too long: {names}");
         log.notices.push(what, format!("topic {topic}"), *fields, text);
     }
     let others = log.left_out.len().saturating_sub(LISTED) as u64;
@@ -220,7 +220,7 @@ fn note_empty(log: &mut Log) {
 fn note_zero_bytes(source: &Source, notices: &mut Notices) {
     let texts = with_zero_bytes(&source.sheet);
     if texts > 0 {
-        let text = "texts hold zero bytes, which CSV cannot hold: \u{2400} replaces each";
+        let text = "zero bytes in texts were replaced by \u{2400}, because CSV cannot hold them";
         notices.push(Code::ValuesReplaced.at(Severity::Warning), format!("topic {}", source.name), texts, text);
     }
 }

@@ -14,7 +14,7 @@ pub(crate) fn may_write(path: &Path, log: &[PathBuf]) -> Result<(), ConvertError
     let refused = |what: &str| Err(ConvertError::Refused { path: path.to_owned(), what: what.to_owned() });
     match fs::symlink_metadata(path) {
         Err(e) if e.kind() == ErrorKind::NotFound => return Ok(()),
-        Err(e) => return Err(ConvertError::write(path, "look at")(e)),
+        Err(e) => return Err(ConvertError::write(path, "read the status of")(e)),
         Ok(_) => {}
     }
     match fs::metadata(path) {
@@ -26,7 +26,7 @@ pub(crate) fn may_write(path: &Path, log: &[PathBuf]) -> Result<(), ConvertError
     }
 }
 
-const LOG: &str = "a file of the log itself, which is never changed; name another output";
+const LOG: &str = "a file of the log itself, which flightlag never changes; name another output";
 
 /// Whether a path is one of the log's files.
 pub(crate) fn is_of_log(path: &Path, log: &[PathBuf]) -> bool {
@@ -58,8 +58,16 @@ type Description = (u64, Option<std::time::SystemTime>, (u64, i64, i64));
 impl Unchanged {
     /// Takes the metadata of the files.
     pub(crate) fn of(files: &[PathBuf]) -> Result<Unchanged, ConvertError> {
-        let look =
-            |path: &PathBuf| Ok((path.clone(), description(path).map_err(ConvertError::write(path, "look at"))?));
+        let look = |path: &PathBuf| {
+            Ok((
+                path.clone(),
+                description(path).map_err(ConvertError::write(
+                    path,
+                    "read the status \
+                of",
+                ))?,
+            ))
+        };
         Ok(Unchanged { files: files.iter().map(look).collect::<Result<_, ConvertError>>()? })
     }
 

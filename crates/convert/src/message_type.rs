@@ -24,7 +24,7 @@ impl<'t> MessageType<'t> {
     pub(crate) fn of(table: &'t Table, written: Vec<&'t Column>) -> MessageType<'t> {
         let mut taken = BTreeSet::new();
         let mut definition =
-            String::from("# Written by flightlag. The name of a field in the log is in the comment after it.\n");
+            String::from("# Written by flightlag. The comment after a field is its name in the log.\n");
         let partial: Vec<&Column> = table.columns.iter().filter(|column| absent(column) > 0).collect();
         let quoted = |path: &str| serde_json::Value::from(path).to_string();
         let mut names = BTreeMap::new();
@@ -66,8 +66,8 @@ impl<'t> MessageType<'t> {
     pub(crate) fn note_absent(&self, notices: &mut Notices) {
         let absent = self.partial.iter().copied().map(absent).sum();
         if absent > 0 {
-            let text = "values that the log does not have were written as NaN, 0 or empty text; fields that end in _given \
-                        say which";
+            let text = "values that the log does not have were written as NaN, 0 or empty text; the fields that end \
+                in _given mark them";
             let place = format!("topic {}", self.table.topic.name);
             notices.push(Code::ValuesReplaced, place, absent, text);
         }

@@ -109,7 +109,7 @@ pub fn recover(
     }
     log.tables.clear();
     if recording.content.topics.is_empty() && recording.content.extras.is_empty() {
-        return Err(ConvertError::Nothing(format!("{}: no intact message in it", unit.id)));
+        return Err(ConvertError::Nothing(format!("{}: no intact message found", unit.id)));
     }
     let topics = topics(&log.health, &recording.content, &mut notices);
     let extras = extras(&recording.content);
@@ -120,7 +120,7 @@ pub fn recover(
     let written = recording.end()?;
     check(output.written(), out, &written, context)?;
     unchanged.check()?;
-    let bytes = std::fs::metadata(output.written()).map_err(ConvertError::write(out, "look at"))?.len();
+    let bytes = std::fs::metadata(output.written()).map_err(ConvertError::write(out, "read the status of"))?.len();
     output.keep()?;
     Ok(Recovered { how, topics, extras, health: log.health, notices, bytes })
 }
@@ -240,7 +240,7 @@ fn check(written: &Path, out: &Path, expected: &Content, context: &ReadContext<'
         let names = expected.keys().chain(found.keys());
         let of = |tallies: &BTreeMap<String, Tally>, name: &str| tallies.get(name).copied().unwrap_or_default();
         let other = names.map(|name| (name, of(expected, name), of(found, name))).find(|(_, a, b)| a != b);
-        other.map(|(name, a, b)| format!("{kind}{name}: {} found, {} were written", b.count, a.count))
+        other.map(|(name, a, b)| format!("{kind}{name}: {} found, {} written", b.count, a.count))
     };
     let topic = differing("topic ", &expected.topics, &found.topics);
     let other = topic.or(differing("", &expected.extras, &found.extras));
@@ -248,7 +248,7 @@ fn check(written: &Path, out: &Path, expected: &Content, context: &ReadContext<'
         return Err(differs(other));
     }
     if found.of_topics != expected.of_topics {
-        return Err(differs("what the log says of topics besides their types".to_owned()));
+        return Err(differs("properties of topics other than their types".to_owned()));
     }
     Ok(())
 }
@@ -285,7 +285,7 @@ fn topics(health: &LogHealth, content: &Content, notices: &mut Notices) -> Vec<R
     let topic = |(name, found): (&str, u64)| {
         let written = content.topics.get(name).map_or(0, |t| t.count);
         if written < found {
-            let text = "messages that were found and could not be written";
+            let text = "messages that were found, but could not be written";
             notices.push(Code::NotWritten, format!("topic {name}"), found - written, text);
         }
         RecoveredTopic { name: name.to_owned(), found, written }
@@ -302,8 +302,8 @@ fn note_remaining(recording: &Recording, notices: &mut Notices) {
     recording.note_before_epoch(notices);
     if let Some(first) = recording.several.first() {
         let text = format!(
-            "topics whose publishers say different things of themselves (name, latching, quality of service): \
-             what the first one says was kept; the first: {first}"
+            "topics with publishers that differ in name, latching or quality of service: the values of the first \
+             publisher were kept; the first: {first}"
         );
         notices.push(Code::SeveralSources.at(Severity::Warning), "", recording.several.len() as u64, text);
     }

@@ -80,7 +80,7 @@ impl LogTimes {
     pub(crate) fn note(&self, notices: &mut Notices) {
         notices.extend(self.repairs.clone());
         if self.run_on > 0 {
-            let text = "rows come after the log's 32-bit counter wrapped around; their log_time runs on";
+            let text = "rows after the wrap of the log's 32-bit counter; their log_time continues";
             notices.push(Code::StampWrap.at(Severity::Info), "", self.run_on, text);
         }
     }
@@ -177,7 +177,7 @@ impl Basis {
 
     fn source(&self) -> &str {
         match self {
-            Basis::Log(_) => "the log's stamps",
+            Basis::Log(_) => "the log's timestamps",
             Basis::Fields(_, source) => source,
             Basis::Begin => "the first time in the log",
             Basis::Order => "the order of the rows",
@@ -193,7 +193,7 @@ impl Basis {
             Some(Clock::Unix) => self.in_utc(),
             Some(clock) => format!("{}, clock {clock}, not UTC", self.source()),
             None if *self == Basis::Begin => format!("{}: their time is unknown", self.source()),
-            None => "the order of the rows alone, counted in nanoseconds: their time is unknown".to_owned(),
+            None => "only the order of the rows, counted in nanoseconds: their time is unknown".to_owned(),
         }
     }
 }
@@ -202,7 +202,7 @@ impl Basis {
 pub(crate) fn way_to_utc(clock: Clock) -> &'static str {
     match clock {
         Clock::Unix => "",
-        Clock::Gps => ", GPS time less leap seconds",
+        Clock::Gps => ", GPS time minus leap seconds",
         Clock::Boot | Clock::Elapsed => ", by the tie of that clock to UTC",
     }
 }
@@ -248,7 +248,8 @@ pub(crate) fn report<'t>(
         let of_topics = topics.get(how).map_or(&[][..], Vec::as_slice);
         notices.push(Code::ValuesReplaced.at(severity), place(of_topics), rows, text);
         if lent > 0 {
-            let text = "rows without a time of their own have that of the row before; the first ones have that of the next row";
+            let text = "rows without a time get that of the row before; rows before the first time get that of the \
+                next row";
             notices.push(Code::ValuesReplaced, place(of_topics), lent, text);
         }
     }

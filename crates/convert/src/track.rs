@@ -106,7 +106,7 @@ struct Track {
 
 /// The lines of a track, and their names in files.
 const LINES: [(&str, &str, &str); 2] = [
-    ("raw", "raw", "Position as logged, the newest fix held"),
+    ("raw", "raw", "Position as logged, with the newest fix held"),
     ("compensated", "exact_async", "Position with its delay removed, p + ∫v (exact asynchronous)"),
 ];
 
@@ -177,7 +177,7 @@ fn read(order: &TrackOrder<'_>) -> Result<Track, ConvertError> {
 fn instants(sheet: &Sheet, most_hz: Option<f64>) -> Result<Vec<Instant>, String> {
     let needed = |name: &str| match sheet.cells(name) {
         Some(Cells::F64(numbers)) => Ok(numbers),
-        _ => Err(format!("no column {name}: run the campaign again, then export")),
+        _ => Err(format!("no column {name}: run the campaign again, then export again")),
     };
     let (t, height) = (needed("t_s")?, needed("height_m")?);
     let utc = match sheet.cells("utc_ns") {

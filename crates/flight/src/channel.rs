@@ -13,25 +13,25 @@ use std::collections::BTreeMap;
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Quantity {
-    /// WGS-84 latitude rad, longitude rad, height m. A height above mean sea level may
-    /// stand for the ellipsoidal one; the map that bound it says so in a notice.
+    /// WGS-84 latitude rad, longitude rad, height m. A height above mean sea level may replace the ellipsoidal height;
+    /// a notice then states it.
     PositionGeodetic,
-    /// North m, east m, down m from an origin that the log chose.
+    /// North m, east m, down m from an origin chosen by the log.
     PositionNed,
     /// North, east, down over ground, m/s.
     VelocityNed,
-    /// Height above an origin that the log chose, m: a barometer's, or a position's alone.
+    /// Height above an origin chosen by the log, m: of a barometer, or of a position alone.
     Height,
-    /// Unit quaternion w, x, y, z that turns body axes (forward, right, down) to north, east, down.
+    /// Unit quaternion w, x, y, z that rotates body axes (forward, right, down) to north, east, down.
     Attitude,
     /// About the body's forward, right and down axes, rad/s.
     AngularRate,
-    /// Acceleration less gravity along the body's forward, right and down axes, m/s²: at rest and
-    /// level the third is −g.
+    /// Acceleration minus gravity along the body's forward, right and down axes, m/s²: at rest and level the third is
+    /// −g.
     SpecificForce,
     /// Along the body's forward, right and down axes, T.
     MagneticField,
-    /// As [`Quantity::MagneticField`], scaled by a number that the sensor chose: 1 is about the local field.
+    /// As [`Quantity::MagneticField`], in a scale of the sensor: 1 is about the local field.
     MagneticDirection,
     /// Counts of a rotary encoder: a running number that neither wraps around nor resets.
     EncoderCount,

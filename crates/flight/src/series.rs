@@ -17,7 +17,7 @@ pub struct Timeline {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum SeriesError {
     /// A timestamp is not later than the previous one.
-    #[error("stamp {index} ({now} ns) is not later than the one before it ({before} ns)")]
+    #[error("timestamp {index} ({now} ns) is not later than the one before it ({before} ns)")]
     NotRising {
         /// Row of the offending timestamp.
         index: usize,
@@ -37,7 +37,7 @@ pub enum SeriesError {
         value: f64,
     },
     /// A component has a different number of rows than the timeline.
-    #[error("component {component} has {rows} rows where the timeline has {stamps} stamps")]
+    #[error("component {component} has {rows} rows, but the timeline has {stamps} timestamps")]
     Length {
         /// The component.
         component: usize,

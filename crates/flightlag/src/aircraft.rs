@@ -138,7 +138,8 @@ fn parameters(groups: &[GroupLine]) -> Result<String, Failure> {
             let names: Vec<String> =
                 several.iter().map(|(g, _, p)| format!("{} ({} ms)", g.group, p.value_ms)).collect();
             let text = format!(
-                "no parameters were written: these logs are of {} receivers, and a file is for one: {}; give the logs of one",
+                "no parameters were written: these logs are of {} receivers, but a parameter file is for one: {}; \
+                 give the logs of one receiver",
                 names.len(),
                 names.join("; ")
             );
@@ -161,10 +162,8 @@ fn no_autopilot(groups: &[GroupLine]) -> Failure {
     let late: Vec<&GroupLine> = groups.iter().filter(|group| delay_of(group).is_some()).collect();
     let names: Vec<String> = late.iter().map(|group| format!("{}: {}", group.group, group.words)).collect();
     let why = match late.iter().any(|group| group.datum == "imu") {
-        true => "these logs name no autopilot (ArduPilot or PX4) whose parameter removes the delay",
-        false => {
-            "a parameter of an autopilot is relative to the IMU, and the delay is known only relative to a reference"
-        }
+        true => "these logs are not from an autopilot (ArduPilot or PX4) with a parameter that removes the delay",
+        false => "autopilot parameters are relative to the IMU, but the delay is known only relative to a reference",
     };
     Failure::new(Exit::Failed, format!("no parameters were written: {why}. {}", names.join("; ")))
 }
@@ -176,7 +175,7 @@ fn nothing(what: &str, groups: &[GroupLine]) -> Failure {
     let why = if why.is_empty() { "no flight was measured".to_owned() } else { why.join("; ") };
     Failure::new(
         Exit::Failed,
-        format!("{what}: how late the position is must be known against the IMU or a reference. {why}"),
+        format!("{what}: the lateness of the position against the IMU or a reference is unknown. {why}"),
     )
 }
 
@@ -226,14 +225,14 @@ mod tests {
     fn wrong_parameters_are_rejected_with_the_reason() {
         for (groups, why) in [
             (vec![group("a", 0.4, "imu", "GPS1_DELAY_MS")], "400 ms cannot be set: it takes 0 to 250 ms"),
-            (vec![group("a", 0.2, "relative to velocity.gps", "GPS1_DELAY_MS")], "must be known against the IMU"),
+            (vec![group("a", 0.2, "relative to velocity.gps", "GPS1_DELAY_MS")], "of the position against the IMU"),
             (
                 vec![group("a", 0.2, "imu", "GPS1_DELAY_MS"), group("b", 0.1, "imu", "GPS1_DELAY_MS")],
                 "are of 2 receivers",
             ),
             // Relative to a reference no autopilot parameter is known.
             (vec![group_in_seconds("a", 0.25, "reference")], "the delay is known only relative to a reference"),
-            (vec![group_in_seconds("a", 0.25, "imu")], "these logs name no autopilot (ArduPilot or PX4)"),
+            (vec![group_in_seconds("a", 0.25, "imu")], "these logs are not from an autopilot (ArduPilot or PX4)"),
             (vec![], "no flight was measured"),
         ] {
             let refused = parameters(&groups).unwrap_err();

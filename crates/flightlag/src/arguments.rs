@@ -10,22 +10,23 @@ Exit codes:
   0    all well
   1    failed
   2    wrong command, pipeline, criteria, rig file, sensor card or channel map
-  3    finished, but some flights or records failed, lost data, have a delay that changes or a reference file that cannot
-       be used, or contradict their rig file
-  4    finished, but a flight fails a criterion or was harmed (whether or not 3 holds too)
-  75   busy or temporary failure, try again (another run is at work on the folder, the disk is full, a log is being written)
+  3    finished, but some flights or records failed, lost data, have a delay that changes, have a reference file that
+       cannot be used, or contradict their rig file
+  4    finished, but a flight fails a criterion or was harmed (also if 3 applies)
+  75   busy or temporary failure, try again (another run uses the folder, the disk is full, a log is being written)
   130  stopped by Ctrl-C";
 
 const SCHEMA: &str = "\
-Print the JSON schema of a settings file, or of an output that programs read.
+Print the JSON schema of a settings file or of a machine-readable output.
 
-An editor with TOML support completes and checks the keys of a file whose first line names a schema in its folder: \
-`flightlag schema pipeline > pipeline.schema.json`, and `#:schema ./pipeline.schema.json` as that line.";
+An editor with TOML support completes and checks the keys of a file if the first line of the file names a schema in the \
+same folder. Write the schema with `flightlag schema pipeline > pipeline.schema.json`. The first line is then \
+`#:schema ./pipeline.schema.json`.";
 
 const EXIT_CODES_OF_A_LOG: &str = "\
 Exit codes:
   0    all well
-  1    nothing of the log can be used, or the output cannot be written
+  1    nothing in the log can be used, or the output cannot be written
   2    wrong command or channel map
   3    finished, but the log is damaged or data were lost
   130  stopped by Ctrl-C";
@@ -33,48 +34,48 @@ Exit codes:
 const INSPECT: &str = "\
 Show what a log contains: topics, timestamps, damage, and which channel map matches.
 
-Every byte is accounted for: decoded (holds values that a channel map wants; a compressed chunk counts whole), not wanted \
-(intact as far as checksums tell, but no map asks for it), structure (the container's own: headers, indexes, definitions), damaged. Long lists are cut \
-unless --all is given; --json holds everything.";
+Every byte is accounted for as decoded (holds values that a channel map wants; a compressed chunk counts completely), \
+not wanted (intact as far as checksums show, but no map asks for it), structure (headers, indexes and definitions of the \
+container) or damaged. Long lists are shortened unless --all is given. --json holds everything.";
 
 const RECOVER: &str = "\
 Write everything recoverable from a damaged log as MCAP, read it back and compare.
 
-Messages of MCAP, ROS 1 and ROS 2 bags are copied byte for byte, with their definitions, attachments and metadata. Logs \
-whose messages mean nothing elsewhere (ULog, DataFlash, MAVLink, UBX, NMEA, tables of text) become one typed topic each; \
-parameters, information and texts of a ULog become metadata. Rows without a log timestamp, as in a receiver's own output, keep \
-their own timestamp. The metadata record `flightlag-recover` of OUT names the source file, what was lost, and which clock \
-`log_time` uses. An OUT that is the log itself, or not a plain file, is refused.";
+Messages of MCAP, ROS 1 and ROS 2 bags are copied byte for byte, with their definitions, attachments and metadata. In \
+other logs (ULog, DataFlash, MAVLink, UBX, NMEA, text tables), each topic becomes a typed topic; parameters, information \
+and texts of a ULog become metadata. Rows without a log timestamp, as in the output of a receiver, keep their own \
+timestamp. The metadata record `flightlag-recover` of OUT names the source file, what was lost, and which clock \
+`log_time` uses. OUT must be a plain file and must not be the log itself.";
 
 const EXPORT: &str = "\
 Write the channels of a log, or its topics as logged, as Parquet, CSV or MCAP.
 
-Channels are in SI units, latitude and longitude in degrees; the name of a column ends with its unit. Timestamps are nanoseconds \
-(`..._ns`), and `t_s` is seconds since the first. A table whose clock is not UTC also has `utc_ns`, where the log ties the two clocks; the \
-log time of an MCAP is then UTC. provenance.json in the same folder holds the log's hash, the map, units as written and as logged, \
-clocks and what ties them to UTC, and notices; an MCAP holds the same as metadata `flightlag-export`, a Parquet file its part. Topics are \
-written unconverted; variable-length arrays are skipped and listed. The log itself is never overwritten. In CSV, text that a \
+Channels are in SI units, latitude and longitude in degrees; the name of a column ends with its unit. Timestamps are in \
+nanoseconds (`..._ns`); `t_s` is seconds since the first timestamp. If the clock of a table is not UTC and the log ties it to UTC, \
+the table also has `utc_ns`, and the log time of an MCAP is UTC. provenance.json in the same folder holds the hash of the log, the \
+map, units as written and as logged, clocks and how they are tied to UTC, and notices. An MCAP holds the same as metadata \
+`flightlag-export`; a Parquet file holds its own part. Topics are written unconverted; variable-length arrays are skipped and listed. The log itself is never overwritten. In CSV, text that a \
 spreadsheet might evaluate is prefixed with an apostrophe; numbers are unchanged.";
 
 const CAMPAIGN: &str = "\
 Make a report of a folder of flight logs: tables, records, pages.
 
-Every log below FLIGHTS is a flight; so is a folder that holds one CSV file for each topic. A flight is \
-read once. Its result is stored in OUT under a name made from log, settings and analysis, so that a second \
-run computes only what is new, and reports why. A run that was stopped or killed resumes.
+Every log below FLIGHTS is a flight. A folder with one CSV file for each topic is also a flight. A flight is \
+read once. Its result is stored in OUT under a name made from log, settings and analysis. A second run computes only \
+what is new, and reports why. Run the same command again to resume a run that was stopped or killed.
 
 In OUT: index.html (open this), flights/NAME/ (page, figures and record of each flight), \
 flights.csv and flights.parquet (one row for each flight), campaign.json, since-last-run.html and .json \
-(what is new, moved or newly failing, and why), and run.json, the only file that holds the time of day. All but \
-these last three depend on logs, settings and build alone.
+(what is new, moved or newly failing, and why), and run.json, the only file with the time of day. All other \
+files depend only on logs, settings and build, except since-last-run.html and .json.
 
 The steps plan, task, reduce and status do the same work on a cluster, shard by shard.";
 
 const GC: &str = "\
 Remove the results of a campaign that no report refers to.
 
-OUT/by-key keeps a result for each log, setting and version that a campaign was made with. A run with earlier settings finds \
-them again. This command removes those that neither the report in OUT nor a plan of the last 14 days refers to.";
+OUT/by-key keeps a result for each combination of log, settings and version that was ever used. A run with earlier settings reuses \
+its results. This command removes results that neither the report in OUT nor a plan of the last 14 days refers to.";
 
 /// Arguments of `flightlag gc`.
 #[derive(Debug, Args)]
@@ -89,9 +90,9 @@ pub(crate) struct GcArguments {
 const BENCH: &str = "\
 Measure a sensor on the swing bench, and write a sensor card and pages.
 
-A RECORD is a log that holds the bar's encoder and the sensor, or a folder with one log of the encoder and one \
-of the sensor (found by what channel maps bind), or a folder of such records. All must be of one sensor: they are \
-combined into one card, with the spread between them.
+A RECORD is a log with the encoder of the bar and the sensor, or a folder with one log of the encoder and one \
+of the sensor (distinguished by the channels that they bind), or a folder of such records. All records must be of the same sensor: \
+they are combined into one card, with the spread between them.
 
 The rig file describes the bench: sensor, bar, lever arms, encoder, site. Without --rig, each record uses the rig file in its \
 folder: NAME.rig.toml, or the only one there.
@@ -104,47 +105,47 @@ Run every campaign of a night, add to the history, and write the page of the mor
 
 CONFIG names folders of logs, settings, criteria, the folder of the reports, the history and a fleet file; \
 pipelines/nightly/nightly.toml is a commented example. Only what is new or changed is computed. A log that is still being \
-written is left for the next night, and reported.
+written is skipped until the next night, and reported.
 
-In the folder of the reports: morning.html (open this), summary.txt, .json, .md and .xml (JUnit) with the five lines that are \
-printed, nights/RUN/ (the same for each night, and night.json), and a report for each campaign. The history gets one Parquet file \
-with a row for each flight whose finding is new or changed.";
+In the folder of the reports: morning.html (open this), summary.txt, .json, .md and .xml (JUnit) with the five printed \
+lines, nights/RUN/ (the same for each night, and night.json), and a report for each campaign. The history gets one Parquet file \
+with a row for each flight with a new or changed finding.";
 
 const EXIT_CODES_OF_A_NIGHT: &str = "\
 Exit codes, the gravest of all campaigns:
   0    all well
   3    finished, but some flights failed, lost data or have a delay that changes, or a trend has a new change
   4    finished, but a flight fails a criterion or was harmed, or a setting did not do what was predicted
-  75   a campaign was not possible now: run again
+  75   a campaign could not run now: run again
   1    a campaign failed, or an output cannot be written
-  2    wrong command, nightly file or a file that it names
+  2    wrong command, nightly file, or file named in it
   130  stopped by Ctrl-C";
 
 const TREND: &str = "\
 Show control charts of a history, and where they change.
 
-A chart shows how late the position of each flight is, in the order in which they were flown, for one aircraft, serial number, \
-receiver, firmware, rate or baud. Each flight counts with its own uncertainty and the spread between flights. A change is a step of \
-the mean. A chart without a change shows one with a probability of 1 %, for one look at it. `flightlag nightly` looks every night, \
-and so shows a change only if it is large enough for 1 % over all nights.";
+A chart shows how late the position of each flight is, in the order of the flights, for one aircraft, serial number, \
+receiver, firmware, rate or baud. Each flight is weighted by its own uncertainty and the spread between flights. A change is a step of \
+the mean. The probability of a false change is 1 % each time a chart is computed. `flightlag nightly` computes the charts every night \
+and reports a change only if it is large enough for 1 % over all nights.";
 
 const QUERY: &str = "\
 Query a history: select rows, group them, and aggregate each group.
 
-CONDITION compares columns with values, as `delay_s > 0.3 and firmware == '3.01'`; there are and, or, not, parentheses, == != < <= > >= \
-and `is null`. Texts are in quotes, instants may be dates. Aggregates are count(), median, mean, min, max, std, sum and quantile(column, share). \
---columns lists the columns; delay_s is another name for lateness_s. The latest row of each flight counts.
+CONDITION compares columns with values, such as `delay_s > 0.3 and firmware == '3.01'`. It accepts and, or, not, parentheses, == != < <= > >= \
+and `is null`. Put texts in quotes. Times may be dates. Aggregates are count(), median, mean, min, max, std, sum and quantile(column, share). \
+--columns lists the columns; delay_s is another name for lateness_s. The latest row of each flight is used.
 
-This command is built with polars: `cargo build --release -p flightlag --features query`, or `just query`.";
+This command needs a build with polars: `cargo build --release -p flightlag --features query`, or `just query`.";
 
 const DIFF: &str = "\
-Compare two reports of campaigns: what moved, by how many sigma, and because of what.
+Compare two reports of campaigns: what moved, by how many sigma, and why.
 
 A cause is the log, the settings, the build of flightlag, the criteria, or the other flights of a group. With --flights, RUN_A and \
-RUN_B are two pipelines: both are run over the same flights, into OUT/first and OUT/second.";
+RUN_B are two pipelines: both are run over the same flights and write to OUT/first and OUT/second.";
 
-/// Measures how late each channel of a sensor is on a swing bench, and replays delay compensators over logs of flights
-/// whose position comes late.
+/// Measures how late each channel of a sensor is on a swing bench, and replays delay compensators over flight logs with
+/// a late position.
 #[derive(Debug, Parser)]
 #[command(name = "flightlag", version, after_help = EXIT_CODES, max_term_width = 110)]
 pub(crate) struct Arguments {
@@ -155,12 +156,12 @@ pub(crate) struct Arguments {
 const DELAY: &str = "\
 Show how late the position of each log is, and what to do about it.
 
-For each flight: lateness of the position with its expanded uncertainty (k = 2) and what it is counted from, what kind of \
-delay it is (constant, on time, early, steps, drifts, queues, ... or why it is unknown and what to fly), how far apart \
-position and velocity are, what `flightlag campaign` would remove and whether that helps, settings that remove the delay, and \
-alarms. Flights of one receiver, firmware, rate and log kind are pooled. Logs are only read, and nothing is written unless an option says where.
+For each flight: lateness of the position with its expanded uncertainty (k = 2) and its reference, the kind of delay \
+(constant, on time, early, steps, drifts, queues, ... or why it is unknown and what to fly), the delay between position and \
+velocity, what `flightlag campaign` would remove and whether that helps, settings that remove the delay, and alarms. Flights \
+with the same receiver, firmware, rate and log kind are pooled. Logs are only read. Files are written only where an option asks for them.
 
-Lateness against `imu` is absolute as far as the IMU is on time; `relative to velocity.gps` means that the log does not show how \
+Lateness against `imu` is absolute if the IMU is on time. `relative to velocity.gps` means that the log does not show how \
 late both are.";
 
 #[derive(Debug, Subcommand)]
@@ -186,7 +187,7 @@ pub(crate) enum Command {
     /// Query a history: select rows, group them, and aggregate each group.
     #[command(long_about = QUERY, after_help = EXIT_CODES)]
     Query(QueryArguments),
-    /// Compare two reports: what moved, by how many sigma, and because of what.
+    /// Compare two reports: what moved, by how many sigma, and why.
     #[command(long_about = DIFF, after_help = EXIT_CODES)]
     Diff(DiffArguments),
     /// Measure a sensor on the swing bench, and write a sensor card and pages.
@@ -201,10 +202,10 @@ pub(crate) enum Command {
     /// Write the channels of a log, or its topics as logged, as Parquet, CSV or MCAP.
     #[command(long_about = EXPORT, after_help = EXIT_CODES_OF_A_LOG)]
     Export(ExportArguments),
-    /// Write simulated flights and bench records whose truth is known.
+    /// Write simulated flights and bench records with known truth.
     #[command(after_help = EXIT_CODES)]
     Demo(DemoArguments),
-    /// Write a compensator as C for the aircraft, and print where it helps and which autopilot parameter does the same.
+    /// Write a compensator as C for the aircraft. Print where it helps and which autopilot parameter does the same.
     #[command(after_help = crate::compensator::names_and(EXIT_CODES))]
     Compensator(CompensatorArguments),
     /// List the metrics that criteria can use, or check a criteria file.
@@ -215,7 +216,7 @@ pub(crate) enum Command {
     Explain(ExplainArguments),
     /// List the channel maps that come with flightlag, or print one.
     Maps(MapsArguments),
-    /// Print the JSON schema of a settings file, or of an output that programs read.
+    /// Print the JSON schema of a settings file or of a machine-readable output.
     #[command(long_about = SCHEMA)]
     Schema(SchemaArguments),
     /// Print completions for a shell.
@@ -243,7 +244,7 @@ pub(crate) struct ManArguments {
 pub(crate) struct CampaignArguments {
     #[command(subcommand)]
     pub(crate) step: Option<Step>,
-    /// `None` beside a step. (An optional group must hold its arguments itself: clap does not see
+    /// `None` for a step. (An optional group must hold its arguments itself: clap does not see
     /// through a second flattening, and then never finds it present.)
     #[command(flatten)]
     pub(crate) order: Option<OrderArguments>,
@@ -255,7 +256,7 @@ pub(crate) struct CampaignArguments {
 
 #[derive(Debug, Args)]
 pub(crate) struct DelayArguments {
-    /// Logs, or folders of logs, or those of a bucket (s3://BUCKET/PREFIX); they are only read.
+    /// Logs or folders of logs, local or in a bucket (s3://BUCKET/PREFIX). They are only read.
     #[arg(value_name = "LOG|FOLDER", required = true)]
     pub(crate) logs: Vec<PathBuf>,
     /// Print JSON; `flightlag schema delay` prints its schema.
@@ -270,22 +271,22 @@ pub(crate) struct DelayArguments {
     pub(crate) ekf: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) aircraft: AircraftArguments,
-    /// Settings (TOML), as for `flightlag campaign`: a delay that they state is tested against each flight.
+    /// Settings (TOML), as for `flightlag campaign`. A delay stated in them is tested against each flight.
     #[arg(long, value_name = "FILE")]
     pub(crate) pipeline: Option<PathBuf>,
     /// Read every flight with this channel map.
     #[arg(long, value_name = "NAME")]
     pub(crate) map: Option<String>,
-    /// Folder with further channel maps, and with definitions of messages that logs lack (PACKAGE/msg/TYPE.msg).
+    /// Folder with more channel maps, and with message definitions that are missing in logs (PACKAGE/msg/TYPE.msg).
     #[arg(long, value_name = "DIR")]
     pub(crate) maps: Option<PathBuf>,
-    /// A second file of each flight with a reference or a velocity: a PPK solution, a truth, an export of motion capture. For
-    /// several flights a pattern relative to each log's folder, as {stem}.pos: {stem} is the log's name without its ending,
-    /// * anything.
+    /// Second file of each flight with a reference or a velocity: a PPK solution, a truth, an export of motion capture. For
+    /// several flights, give a pattern relative to the folder of each log, such as {stem}.pos. {stem} is the name of the log
+    /// without its ending; * matches anything.
     #[arg(long, value_name = "FILE")]
     pub(crate) reference: Option<String>,
-    /// How its clock relates to that of the log: same, own (the offset is estimated), or auto (own unless both count UTC or
-    /// GPS time).
+    /// Relation of its clock to the clock of the log: same, own (the offset is estimated), or auto (own unless both use UTC
+    /// or GPS time).
     #[arg(long, value_name = "RULE", value_parser = clock_rule)]
     pub(crate) reference_clock: Option<campaign::ClockRule>,
     /// Number of threads. Default: all cores, or SLURM_CPUS_PER_TASK.
@@ -301,15 +302,15 @@ pub(crate) struct DelayArguments {
 /// What is written for the aircraft.
 #[derive(Debug, Args)]
 pub(crate) struct AircraftArguments {
-    /// Also write compensators as C to this folder, with delay and interval: the exact form and the paper's (Padé [1/1]), each a
-    /// header and a C file, for each group of flights whose lateness is known. Files of these names are replaced.
+    /// Also write compensators as C to this folder, with delay and interval: the exact form and the form of the paper (Padé
+    /// [1/1]), each as a header and a C file, for each group of flights with a known lateness. Existing files are replaced.
     #[arg(long, value_name = "DIR")]
     pub(crate) c: Option<PathBuf>,
-    /// Step of the loop that the C runs in, s.
+    /// Time step of the loop that the C runs in, s.
     #[arg(long, value_name = "S", default_value_t = 0.01, requires = "c", allow_negative_numbers = true, value_parser = step_s)]
     pub(crate) step_s: f64,
-    /// Also write the parameter that removes the delay, for ArduPilot (NAME,VALUE) or PX4 (QGroundControl's columns). A FILE
-    /// that is there is replaced.
+    /// Also write the parameter that removes the delay, for ArduPilot (NAME,VALUE) or PX4 (columns of QGroundControl). An
+    /// existing FILE is replaced.
     #[arg(long, value_name = "FILE")]
     pub(crate) params: Option<PathBuf>,
 }
@@ -336,7 +337,7 @@ pub(crate) fn clock_rule_name(rule: campaign::ClockRule) -> &'static str {
 fn delay_s(text: &str) -> Result<f64, String> {
     match text.trim().parse::<f64>() {
         Ok(seconds) if seconds <= 0.0 => {
-            Err("must be from 0 to 30 s, and not 0: a compensator removes a positive delay".to_owned())
+            Err("must be above 0 and at most 30 s: a compensator removes a positive delay".to_owned())
         }
         _ => settings::seconds(text, 0.0, 30.0),
     }
@@ -354,14 +355,14 @@ fn step_s(text: &str) -> Result<f64, String> {
 /// Which campaign.
 #[derive(Debug, Args)]
 pub(crate) struct OrderArguments {
-    /// Folder of the flights, or that of a bucket (s3://BUCKET/PREFIX); it is only read.
+    /// Folder of the flights, local or in a bucket (s3://BUCKET/PREFIX). It is only read.
     #[arg(value_name = "FLIGHTS")]
     pub(crate) flights: PathBuf,
-    /// Folder of the report, also in a bucket: new, empty, or of an earlier run. Without it: reports/NAME here, with the name of
-    /// FLIGHTS.
+    /// Folder of the report, local or in a bucket: new, empty, or of an earlier run. Default: reports/NAME in the current
+    /// folder, with the name of FLIGHTS.
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
-    /// Settings (TOML). Default: those of `pipelines/default.toml`, which remove the delay measured in the flights.
+    /// Settings (TOML). Default: `pipelines/default.toml`, which removes the delay measured in the flights.
     #[arg(long, value_name = "FILE")]
     pub(crate) pipeline: Option<PathBuf>,
     /// Criteria for the flights (TOML), instead of the file that the pipeline names, if any. `flightlag criteria` lists
@@ -371,17 +372,17 @@ pub(crate) struct OrderArguments {
     /// Read every flight with this channel map.
     #[arg(long, value_name = "NAME")]
     pub(crate) map: Option<String>,
-    /// Folder with further channel maps, and with definitions of messages that logs lack (PACKAGE/msg/TYPE.msg).
+    /// Folder with more channel maps, and with message definitions that are missing in logs (PACKAGE/msg/TYPE.msg).
     #[arg(long, value_name = "DIR")]
     pub(crate) maps: Option<PathBuf>,
-    /// A second file of each flight with a reference or a velocity, as for `flightlag delay`; it overrules that of the
+    /// Second file of each flight with a reference or a velocity, as for `flightlag delay`. It replaces the one in the
     /// pipeline.
     #[arg(long, value_name = "FILE")]
     pub(crate) reference: Option<String>,
-    /// How its clock relates to that of the log: auto, same or own.
+    /// Relation of its clock to the clock of the log: auto, same or own.
     #[arg(long, value_name = "RULE", value_parser = clock_rule)]
     pub(crate) reference_clock: Option<campaign::ClockRule>,
-    /// Replace the report of other logs that OUT holds.
+    /// Replace the report in OUT even if it is of other logs.
     #[arg(long)]
     pub(crate) replace: bool,
     /// Hash every log again instead of trusting its size and modification time.
@@ -392,7 +393,7 @@ pub(crate) struct OrderArguments {
 /// How the work is done and reported.
 #[derive(Debug, Clone, Args)]
 pub(crate) struct RunArguments {
-    /// Threads; all cores if not given, or what SLURM_CPUS_PER_TASK says.
+    /// Number of threads. Default: all cores, or SLURM_CPUS_PER_TASK.
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub(crate) threads: Option<u16>,
     /// Print events as JSON Lines on standard output, and nothing else.
@@ -408,11 +409,11 @@ pub(crate) struct RunArguments {
 /// Where copies of logs from a bucket are stored.
 #[derive(Debug, Clone, Default, Args)]
 pub(crate) struct CacheArguments {
-    /// Folder for copies of logs of a bucket (s3://BUCKET/PREFIX). Without it: flightlag in the folder of the system for such
-    /// things ($XDG_CACHE_HOME, or .cache in the home folder).
+    /// Folder for copies of logs from a bucket (s3://BUCKET/PREFIX). Default: flightlag in the cache folder of the system
+    /// ($XDG_CACHE_HOME, or .cache in the home folder).
     #[arg(long, value_name = "DIR")]
     pub(crate) cache: Option<PathBuf>,
-    /// Room for these copies, GB; the least recently used go first. 10 if not given.
+    /// Maximum size of these copies, GB. The least recently used copies are removed first. Default: 10.
     #[arg(long, value_name = "GB", value_parser = room)]
     pub(crate) cache_size: Option<u64>,
 }
@@ -428,23 +429,24 @@ fn room(text: &str) -> Result<u64, String> {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Step {
-    /// Write a manifest of the work to do: shards of roughly equal size, all of one stage
-    /// (measure, then replay). Run its tasks, plan again, until a plan has no shards; then reduce.
+    /// Write a manifest of the work to do: shards of roughly equal size, all of one stage (measure, then replay). Run its
+    /// tasks and plan again until a plan has no shards. Then reduce.
     Plan {
         #[command(flatten)]
         order: OrderArguments,
-        /// Where to write the manifest. Without it: OUT/.flightlag/plans, under a name that no other plan has.
+        /// File for the manifest. Default: a new file in OUT/.flightlag/plans.
         #[arg(long, value_name = "FILE")]
         manifest: Option<PathBuf>,
-        /// Most shards. Fewer if there is less to do.
+        /// Maximum number of shards.
         #[arg(long, value_name = "N", default_value_t = 1000, allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..))]
         max_shards: u32,
         #[command(flatten)]
         common: RunArguments,
     },
-    /// Make the results of one shard. Exit 0: every flight of it has a result; 75: temporary failure, retry; 3: permanent failure.
+    /// Make the results of one shard. Exit 0: every flight in it has a result. 75: temporary failure, run again. 3: permanent
+    /// failure.
     Task {
-        /// The manifest.
+        /// Manifest of the plan.
         #[arg(long, value_name = "FILE")]
         manifest: PathBuf,
         /// Which shard, from 0.
@@ -453,9 +455,9 @@ pub(crate) enum Step {
         #[command(flatten)]
         common: RunArguments,
     },
-    /// Make tables and pages from the results so far. Can be run at any time.
+    /// Make tables and pages from the available results. Can be run at any time.
     Reduce {
-        /// The manifest.
+        /// Manifest of the plan.
         #[arg(long, value_name = "FILE")]
         manifest: PathBuf,
         #[command(flatten)]
@@ -463,9 +465,9 @@ pub(crate) enum Step {
         #[command(flatten)]
         common: RunArguments,
     },
-    /// Count the flights that have a result. Exit 3 if some have none.
+    /// Count the flights that have a result. Exit 3 if results are missing.
     Status {
-        /// The manifest.
+        /// Manifest of the plan.
         #[arg(long, value_name = "FILE")]
         manifest: PathBuf,
         /// Print JSON.
@@ -510,7 +512,7 @@ pub(crate) struct TrendArguments {
     /// Also write a page with the charts, trend.json and trend.csv to this folder.
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
-    /// Folder of the reports as seen from the page, to link the flights.
+    /// Folder of the reports, relative to the page, for links to the flights.
     #[arg(long, value_name = "PATH", requires = "out")]
     pub(crate) reports: Option<String>,
 }
@@ -519,13 +521,16 @@ pub(crate) struct TrendArguments {
 fn dimension() -> impl TypedValueParser<Value = Dimension> {
     let names = Dimension::ALL.map(|dimension| PossibleValue::new(dimension.name()).help(dimension.what()));
     PossibleValuesParser::new(names).try_map(|name| {
-        Dimension::ALL.into_iter().find(|dimension| dimension.name() == name).ok_or("not a dimension of a trend")
+        Dimension::ALL.into_iter().find(|dimension| dimension.name() == name).ok_or(
+            "not a property that separates \
+            charts",
+        )
     })
 }
 
 #[derive(Debug, Args)]
 pub(crate) struct QueryArguments {
-    /// Only rows that meet this condition. Default: all.
+    /// Use only rows that meet this condition. Default: all rows.
     #[arg(value_name = "CONDITION")]
     pub(crate) condition: Option<String>,
     /// Folder of the history.
@@ -534,10 +539,10 @@ pub(crate) struct QueryArguments {
     /// Columns to group by, separated by commas.
     #[arg(long, value_name = "COLUMNS", value_delimiter = ',')]
     pub(crate) by: Vec<String>,
-    /// Aggregates of each group, separated by commas. Default: count() with --by, else the rows themselves.
+    /// Aggregates of each group, separated by commas. Default: count() with --by, otherwise the rows themselves.
     #[arg(long, value_name = "AGGREGATES")]
     pub(crate) agg: Option<String>,
-    /// Take every row of every run, and not only the latest of each flight.
+    /// Use every row of every run, not only the latest row of each flight.
     #[arg(long)]
     pub(crate) every_run: bool,
     /// Output format. Default: a table for people.
@@ -585,26 +590,26 @@ pub(crate) struct BenchArguments {
     /// Logs or folders of logs; they are only read.
     #[arg(value_name = "RECORD", required = true)]
     pub(crate) records: Vec<PathBuf>,
-    /// The rig (TOML), for all records.
+    /// Rig file (TOML) for all records.
     #[arg(long, value_name = "FILE")]
     pub(crate) rig: Option<PathBuf>,
-    /// Log of the encoder, if RECORD is one log without it.
+    /// Log of the encoder, if RECORD is a log without an encoder.
     #[arg(long, value_name = "LOG")]
     pub(crate) encoder: Option<PathBuf>,
-    /// Folder of the report: new, empty, or of an earlier bench run. Without it: reports/bench-NAME here, with the name
-    /// of the first RECORD.
+    /// Folder of the report: new, empty, or of an earlier bench run. Default: reports/bench-NAME in the current folder, with
+    /// the name of the first RECORD.
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
     /// Read every log with this channel map.
     #[arg(long, value_name = "NAME")]
     pub(crate) map: Option<String>,
-    /// Folder with further channel maps, and with definitions of messages that logs lack (PACKAGE/msg/TYPE.msg).
+    /// Folder with more channel maps, and with message definitions that are missing in logs (PACKAGE/msg/TYPE.msg).
     #[arg(long, value_name = "DIR")]
     pub(crate) maps: Option<PathBuf>,
-    /// Replace the report of other records that OUT holds.
+    /// Replace the report in OUT even if it is of other records.
     #[arg(long)]
     pub(crate) replace: bool,
-    /// Write the sensor card here too.
+    /// Also write the sensor card to this file.
     #[arg(long, value_name = "FILE")]
     pub(crate) card: Option<PathBuf>,
     #[command(flatten)]
@@ -619,13 +624,13 @@ pub(crate) struct InspectArguments {
     /// Print JSON.
     #[arg(long)]
     pub(crate) json: bool,
-    /// List everything, however long.
+    /// List everything, without shortening.
     #[arg(long, conflicts_with = "json")]
     pub(crate) all: bool,
     /// Bind with this channel map.
     #[arg(long, value_name = "NAME")]
     pub(crate) map: Option<String>,
-    /// Folder with further channel maps, and with definitions of messages that logs lack (PACKAGE/msg/TYPE.msg).
+    /// Folder with more channel maps, and with message definitions that are missing in logs (PACKAGE/msg/TYPE.msg).
     #[arg(long, value_name = "DIR")]
     pub(crate) maps: Option<PathBuf>,
 }
@@ -652,26 +657,26 @@ pub(crate) struct ExportArguments {
     /// Output format.
     #[arg(long, value_enum, value_name = "KIND", default_value = "parquet", default_value_if("track", "true", "kml"))]
     pub(crate) to: ExportKind,
-    /// Folder of the tables, or the file. Without it: the log's name with `.parquet` or `.csv.d` (folders), `.export.mcap`,
-    /// or with --track `.track.KIND` after it, here.
+    /// Folder of the tables, or the file. Default: the name of the log in the current folder, followed by `.parquet` or
+    /// `.csv.d` (folders), `.export.mcap`, or with --track `.track.KIND`.
     #[arg(long, value_name = "PATH")]
     pub(crate) out: Option<PathBuf>,
     /// Write the track of a flight of a report, raw and compensated, for maps and players.
     #[arg(long, conflicts_with_all = ["topics", "map", "maps"])]
     pub(crate) track: bool,
-    /// Write at most this many points per second; 0 writes every row. Without it: 5 for maps, every row for CSV and MCAP.
+    /// Write at most this many points per second; 0 writes every row. Default: 5 for maps, every row for CSV and MCAP.
     #[arg(long, value_name = "HZ", requires = "track", allow_negative_numbers = true)]
     pub(crate) rate: Option<f64>,
-    /// All topics with all fields, unconverted, instead of the channels that a map binds.
+    /// Write all topics with all fields, unconverted, instead of the channels that a map binds.
     #[arg(long)]
     pub(crate) topics: bool,
-    /// Replace an earlier export: its tables are removed, other files in the folder stay.
+    /// Replace an earlier export: its tables are removed, other files in the folder are kept.
     #[arg(long)]
     pub(crate) force: bool,
     /// Bind with this channel map.
     #[arg(long, value_name = "NAME", conflicts_with = "topics")]
     pub(crate) map: Option<String>,
-    /// Folder with further channel maps, and with definitions of messages that logs lack (PACKAGE/msg/TYPE.msg).
+    /// Folder with more channel maps, and with message definitions that are missing in logs (PACKAGE/msg/TYPE.msg).
     #[arg(long, value_name = "DIR")]
     pub(crate) maps: Option<PathBuf>,
 }
@@ -681,9 +686,9 @@ pub(crate) struct ExportArguments {
 pub(crate) enum ExportKind {
     /// One Parquet file for each channel or topic.
     Parquet,
-    /// One CSV file for each.
+    /// One CSV file for each channel or topic.
     Csv,
-    /// One MCAP with a typed topic for each; with --track fixes of `NavSatFix` and `foxglove.LocationFix`, and layouts
+    /// One MCAP with a typed topic for each; with --track, fixes of `NavSatFix` and `foxglove.LocationFix`, and layouts
     /// for Foxglove and PlotJuggler.
     Mcap,
     /// GeoJSON; with --track only.
@@ -696,15 +701,15 @@ pub(crate) enum ExportKind {
 
 #[derive(Debug, Args)]
 pub(crate) struct DemoArguments {
-    /// Where the flights go, into DIR/flights, the records of a bench, into DIR/bench, and the reports, into DIR/report
-    /// and DIR/bench-report.
+    /// Folder for the output: flights in DIR/flights, bench records in DIR/bench, reports in DIR/report and
+    /// DIR/bench-report.
     #[arg(value_name = "DIR")]
     pub(crate) folder: PathBuf,
     /// Also run bench and campaign on them, and print which pages to open. The truncated log and the failed criteria are intentional and
     /// do not affect the exit code.
     #[arg(long)]
     pub(crate) run: bool,
-    /// Seed of everything random in flights and records.
+    /// Seed of all random numbers in flights and records.
     #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true)]
     pub(crate) seed: u64,
     #[command(flatten)]
@@ -713,8 +718,8 @@ pub(crate) struct DemoArguments {
 
 #[derive(Debug, Args)]
 pub(crate) struct CompensatorArguments {
-    /// pade-1-1-tustin (the paper's), pade-M-N-RULE with M and N up to 4 and RULE zoh, foh, tustin or matched, or exact-async,
-    /// which takes the age of each fix and needs memory for the velocities of that time.
+    /// Compensator: pade-1-1-tustin (of the paper), pade-M-N-RULE with M and N up to 4 and RULE zoh, foh, tustin or matched,
+    /// or exact-async, which uses the age of each fix and stores the velocities of that time.
     #[arg(value_name = "NAME")]
     pub(crate) name: String,
     /// Lateness of the position, s, as `flightlag delay` reports it; positive is late.
@@ -723,16 +728,16 @@ pub(crate) struct CompensatorArguments {
     /// Its standard uncertainty (k = 1), s.
     #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = positive_s)]
     pub(crate) uncertainty_s: Option<f64>,
-    /// Where the delay comes from; a comment of the source says it.
+    /// Origin of the delay, for a comment in the source.
     #[arg(long, value_name = "TEXT", default_value = "given on the command line")]
     pub(crate) source: String,
-    /// Step of the loop that it runs in, s.
+    /// Time step of the loop that it runs in, s.
     #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = step_s)]
     pub(crate) step_s: f64,
-    /// Oldest fix that exact-async takes, s.
+    /// Maximum age of a fix for exact-async, s.
     #[arg(long, value_name = "S", default_value_t = 1.0, allow_negative_numbers = true, value_parser = positive_s)]
     pub(crate) max_age_s: f64,
-    /// Single precision; double without it.
+    /// Use single precision instead of double.
     #[arg(long)]
     pub(crate) float: bool,
     /// Prefix of all names in the source and of the files.
@@ -748,21 +753,21 @@ pub(crate) struct CriteriaArguments {
     /// Check this file and print what it means.
     #[arg(value_name = "FILE")]
     pub(crate) file: Option<PathBuf>,
-    /// Print the commented example, as a start for one of your own.
+    /// Print the commented example, as a start for your own file.
     #[arg(long, conflicts_with = "file")]
     pub(crate) example: bool,
 }
 
 #[derive(Debug, Args)]
 pub(crate) struct ExplainArguments {
-    /// The code, as `tail-cut`. Without it all are listed.
+    /// The code, such as `tail-cut`. Default: list all codes.
     #[arg(value_name = "CODE")]
     pub(crate) code: Option<String>,
 }
 
 #[derive(Debug, Args)]
 pub(crate) struct SchemaArguments {
-    /// Which schema.
+    /// Name of the schema.
     #[arg(value_enum, value_name = "NAME")]
     pub(crate) of: SchemaOf,
 }
@@ -772,7 +777,7 @@ pub(crate) struct SchemaArguments {
 pub(crate) enum SchemaOf {
     /// Settings of `campaign` and `delay`.
     Pipeline,
-    /// What flights are judged by.
+    /// Acceptance criteria of flights.
     Criteria,
     /// The rig of a bench.
     Rig,
@@ -782,15 +787,15 @@ pub(crate) enum SchemaOf {
     ChannelMap,
     /// A test card: objective, configuration, instrumentation.
     TestCard,
-    /// What `nightly` runs.
+    /// Settings of `nightly`.
     Nightly,
-    /// Which aircraft and receiver a flight is of.
+    /// Aircraft and receiver of each flight.
     Fleet,
-    /// What `delay --json` prints.
+    /// Output of `delay --json`.
     Delay,
-    /// The record.json of a flight.
+    /// record.json of a flight.
     Record,
-    /// The record.json of a bench record.
+    /// record.json of a bench record.
     BenchRecord,
     /// campaign.json.
     Campaign,
@@ -800,16 +805,16 @@ pub(crate) enum SchemaOf {
 
 #[derive(Debug, Args)]
 pub(crate) struct MapsArguments {
-    /// Print this map, as a start for one of your own.
+    /// Print this map, as a start for your own.
     #[arg(value_name = "NAME")]
     pub(crate) name: Option<String>,
-    /// Folder with further channel maps, and with definitions of messages that logs lack (PACKAGE/msg/TYPE.msg).
+    /// Folder with more channel maps, and with message definitions that are missing in logs (PACKAGE/msg/TYPE.msg).
     #[arg(long, value_name = "DIR")]
     pub(crate) maps: Option<PathBuf>,
-    /// Print the commented example that uses every key, as a start for one of your own.
+    /// Print the commented example that uses every key, as a start for your own map.
     #[arg(long, conflicts_with_all = ["name", "suggest"])]
     pub(crate) example: bool,
-    /// Print a channel map for this table, guessed from the names of its columns, their units and its motion.
+    /// Print a channel map for this table, guessed from column names, units and motion.
     #[arg(long, value_name = "LOG", conflicts_with = "name")]
     pub(crate) suggest: Option<PathBuf>,
 }

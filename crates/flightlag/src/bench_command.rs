@@ -134,7 +134,7 @@ fn iron(magnetometer: &CardMagnetometer) -> String {
     let axes = found.hard_iron.iter().zip(&found.hard_iron_standard_uncertainty);
     let axes: Vec<String> = axes.map(axis).collect();
     let swings = magnetometer.azimuths_rad.len();
-    format!("{name}: hard iron {}{unit} (k = 2), soft iron on the card, from {swings} swings", axes.join(", "))
+    format!("{name}: hard iron {}{unit} (k = 2) from {swings} swings; soft iron is on the card", axes.join(", "))
 }
 
 fn verdict_word(verdict: Verdict) -> &'static str {
@@ -158,11 +158,12 @@ fn lag(channel: &CardChannel) -> Option<String> {
     let uncertainties = channel.lags_standard_uncertainty_s.iter().copied().map(Some).chain(std::iter::repeat(None));
     let lags: Vec<String> = channel.lags_s.iter().zip(uncertainties).map(|(lag_s, u_s)| number(*lag_s, u_s)).collect();
     let slow = channel.slow_motion_delay_s.map(|slow_s| {
-        format!(", so that slow motion is {} late", number(slow_s, channel.slow_motion_standard_uncertainty_s))
+        format!(", so slow motion is {} late", number(slow_s, channel.slow_motion_standard_uncertainty_s))
     });
     channel.has_lag().then(|| {
         format!(
-            "{}: {} of {}{}; {:.1} ms is only the pure delay that fits this swing best, and the gain depends on the frequency",
+            "{}: {} of {}{}; {:.1} ms is only the pure delay that fits this swing best; the gain depends on the \
+             frequency",
             channel.name,
             channel.model,
             lags.join(" and "),
@@ -174,18 +175,16 @@ fn lag(channel: &CardChannel) -> Option<String> {
 
 /// Which delays are relative, and to what.
 fn anchors(channels: &[CardChannel]) -> Vec<String> {
-    let line = |c: &CardChannel| {
-        match &c.basis {
+    let line = |c: &CardChannel| match &c.basis {
         TimeBasis::OneClock | TimeBasis::Pps => None,
         TimeBasis::FastestArrivals => Some(
-            "delays hold the least transport latency from the device to the logger, which is not logged: the fastest arrivals \
-             tie the clocks"
+            "delays include the least transport latency from the device to the logger, which is not logged: the \
+             clocks are tied by the fastest arrivals"
                 .to_owned(),
         ),
         TimeBasis::Anchor { channel } => {
             Some(format!("delays are relative to {channel}, which is assumed to be on time: the clocks differ"))
         }
-    }
     };
     let lines: std::collections::BTreeSet<String> = channels.iter().filter_map(line).collect();
     lines.into_iter().collect()

@@ -20,7 +20,8 @@ pub(crate) fn run(arguments: CampaignArguments, stop: &Stop) -> Result<End, Fail
         (Some(step), _) => take(step, stop),
         (None, Some(order)) => whole(&order, &arguments.aircraft, &arguments.common, stop),
         (None, None) => {
-            let usage = "which campaign? flightlag campaign FLIGHTS [--out DIR] (more: flightlag campaign --help)";
+            let usage = "the folder of flights is missing: flightlag campaign FLIGHTS [--out DIR] (more: flightlag \
+                campaign --help)";
             Err(Failure::new(Exit::Wrong, usage))
         }
     }
@@ -110,10 +111,10 @@ fn next_step(verdict: &Verdict, manifest: &Manifest) -> Option<String> {
     let flights = count(pending, "flight");
     (pending > 0).then(|| match is_measured() {
         true => format!(
-            "{flights} pending: all flights are measured, and none is replayed yet. Run `flightlag campaign plan` again, then \
-             its tasks, then reduce"
+            "{flights} pending: all flights are measured, but none is replayed yet. Run `flightlag campaign plan` \
+             again, then its tasks, then reduce"
         ),
-        false => format!("{flights} pending: run the tasks of the manifest that are missing, then plan again"),
+        false => format!("{flights} pending: run the missing tasks of the manifest, then plan again"),
     })
 }
 
@@ -158,7 +159,7 @@ fn print_verdict(verdict: &Verdict, out: &Path, arguments: &RunArguments) -> Res
         (totals.pending, "pending"),
         (totals.failed, "failed"),
         (totals.lossy, "with damaged logs"),
-        (verdict.troubled.saturating_sub(totals.pending), "to be tried again"),
+        (verdict.troubled.saturating_sub(totals.pending), "to be repeated"),
     ];
     parts.extend(others.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{n} {what}")));
     let nothing = if verdict.nothing_changed { "nothing changed: " } else { "" };

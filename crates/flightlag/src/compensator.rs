@@ -21,8 +21,9 @@ pub(crate) fn names_and(exit_codes: &str) -> String {
     let names = |kinds: &[CompensatorKind]| kinds.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
     let (written, others) = (names(&written), names(&others));
     format!(
-        "Compensator names:\n  {written}\n\nA pipeline's [replay] compensators also takes:\n  {others}\n\nOther Pade forms up to \
-         degree 8 are taken too. A form without a rule is tustin for pade-1-1, and foh for the others.\n\n{exit_codes}"
+        "Compensator names:\n  {written}\n\nIn a pipeline, [replay] compensators also accepts:\n  {others}\n\nOther \
+         Pade forms up to degree 8 are accepted too. The default rule is tustin for pade-1-1, and foh for the \
+         others.\n\n{exit_codes}"
     )
 }
 
@@ -65,9 +66,7 @@ fn delay_of(arguments: &CompensatorArguments) -> Result<Delay, String> {
     let delay = Delay::from_seconds(delay_s).filter(|delay| delay.seconds() > 0.0);
     let delay = delay.ok_or_else(|| format!("--delay-s {delay_s}: a compensator removes a positive delay"))?;
     match arguments.uncertainty_s.filter(|u| *u > delay_s) {
-        Some(u) => {
-            Err(format!("--uncertainty-s {u}: it is larger than the delay of {delay_s} s, so the delay is unknown"))
-        }
+        Some(u) => Err(format!("--uncertainty-s {u}: larger than the delay of {delay_s} s, so the delay is unknown")),
         None => Ok(delay),
     }
 }
@@ -103,7 +102,7 @@ mod tests {
     #[test]
     fn every_name_in_the_help_is_available_as_c_or_for_pipelines_only() {
         let help = names_and("");
-        let (written, others) = help.split_once("A pipeline's").unwrap();
+        let (written, others) = help.split_once("In a pipeline,").unwrap();
         let names = |text: &str| -> Vec<String> {
             let listed = text.lines().find(|line| line.starts_with("  ")).unwrap();
             listed.trim().split(", ").map(str::to_owned).collect()

@@ -28,8 +28,8 @@ fn checked(file: &Path) -> Result<String, Failure> {
 
 fn listed() -> String {
     let mut text =
-        "Metrics of a criteria file (flightlag criteria --example prints one). * has an uncertainty: its 95 % \
-                    interval decides.\n\n"
+        "Metrics of a criteria file (flightlag criteria --example prints one). Metrics with * have an uncertainty: \
+         the 95 % interval decides.\n\n"
             .to_owned();
     METRICS.iter().for_each(|metric| text += &entry(metric));
     text

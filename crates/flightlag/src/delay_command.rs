@@ -49,7 +49,7 @@ fn filter_values(folder: &Path, report: &DelayReport) -> Result<(), Failure> {
     let written = report.filter_values.len();
     let flights = count(report.flights.len() as u64, "flight");
     aircraft::say(&format!(
-        "values for the design of a filter written of {written} of {flights}: {}",
+        "values for the design of a filter written for {written} of {flights}: {}",
         folder.display()
     ));
     Ok(())
@@ -127,7 +127,7 @@ fn groups_text(groups: &[GroupLine]) -> String {
     }
     let of_no_group: u64 = groups.iter().filter(|group| group.group.is_empty()).map(|group| group.flights).sum();
     if of_no_group > 0 {
-        lines.push(format!("{} of no group; see below\n", count(of_no_group, "file")));
+        lines.push(format!("{} in no group; see below\n", count(of_no_group, "file")));
     }
     lines.concat()
 }

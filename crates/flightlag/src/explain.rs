@@ -38,7 +38,7 @@ fn explained(wanted: &str) -> Result<String, String> {
     let names = Code::ALL.iter().map(|code| code.name()).chain(Alarm::ALL.iter().map(|alarm| alarm.name()));
     let near = settings::nearest_few(wanted, names, 5).join(", ");
     let near = if near.is_empty() { String::new() } else { format!("; nearest: {near}") };
-    Err(format!("no notice or alarm has the code {}{near}. `flightlag explain` lists all", visible(wanted)))
+    Err(format!("no notice or alarm has the code {}{near}. `flightlag explain` lists all codes", visible(wanted)))
 }
 
 fn notice(code: Code) -> String {

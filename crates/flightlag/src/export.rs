@@ -25,7 +25,7 @@ pub(crate) fn run(arguments: &ExportArguments, stop: &Stop) -> Result<End, Failu
         ExportKind::Geojson | ExportKind::Kml | ExportKind::Gpx => {
             return Err(Failure::new(
                 Exit::Wrong,
-                "--to geojson, kml and gpx are for the track of a flight: add --track",
+                "--to geojson, kml and gpx are only for the track of a flight: add --track",
             ));
         }
     };
@@ -80,7 +80,7 @@ fn track(arguments: &ExportArguments) -> Result<End, Failure> {
         check_output(path, Output::File, arguments.force)?;
     }
     let written = export_track(&TrackOrder { track: &table, name: &name, to, most_hz, out: &out })?;
-    let utc = if written.has_utc { "" } else { "; the log does not know UTC, so the points have no date" };
+    let utc = if written.has_utc { "" } else { "; UTC is unknown in this log, so the points have no date" };
     let mut text = format!(
         "{}: {} of {} rows, {}{utc}\n",
         visible(&out.display().to_string()),
@@ -104,7 +104,7 @@ fn track_to(kind: ExportKind) -> Result<(TrackTo, &'static str), Failure> {
         ExportKind::Csv => Ok((TrackTo::Csv, "csv")),
         ExportKind::Mcap => Ok((TrackTo::Mcap, "mcap")),
         ExportKind::Parquet => {
-            Err(Failure::new(Exit::Wrong, "--track --to parquet: track.parquet is that file already"))
+            Err(Failure::new(Exit::Wrong, "--track --to parquet: the file exists already, it is track.parquet"))
         }
     }
 }
@@ -129,8 +129,8 @@ fn flight_of(given: &Path) -> Result<(&Path, PathBuf), Failure> {
     if table.is_file() {
         return Ok((folder, table));
     }
-    let what = "no track.parquet there. Give the folder of a flight in a report, as reports/NAME/flights/FLIGHT; a \
-                flight of which nothing was removed has no track";
+    let what = "no track.parquet found. Give the folder of a flight in a report, such as \
+        reports/NAME/flights/FLIGHT; a flight without a removed delay has no track";
     Err(Failure::new(Exit::Wrong, format!("{}: {what}", given.display())))
 }
 

@@ -11,7 +11,7 @@ pub(crate) fn write_site(out: &Path, site: &Site, texts: &[(&str, &str)]) -> Res
     let holds_page = out.join("index.html").exists();
     if let Some((mark, _)) = texts.first().filter(|(mark, _)| holds_page && !out.join(mark).exists()) {
         let what = format!(
-            "{}: holds another page (it has an index.html and no {mark}); give an empty or new folder",
+            "{}: already holds another page (it has an index.html, but no {mark}); give an empty or new folder",
             out.display()
         );
         return Err(Failure::new(Exit::Wrong, what));

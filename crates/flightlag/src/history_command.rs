@@ -32,7 +32,7 @@ pub(crate) fn existing(folder: &Path) -> Result<History, Failure> {
         false => Ok(history),
         true => {
             let what =
-                format!("{}: holds no history; give the history folder of `flightlag nightly`", folder.display());
+                format!("{}: no history found; give the history folder of `flightlag nightly`", folder.display());
             Err(Failure::new(Exit::Wrong, what))
         }
     }
@@ -86,7 +86,7 @@ fn runs_text(lines: &[RunLine]) -> String {
         ]);
     }
     format!(
-        "{}, each with the flights whose finding is new or changed\n{}",
+        "{}, each with the flights that have a new or changed finding\n{}",
         count(lines.len() as u64, "run"),
         table.text()
     )
@@ -124,7 +124,7 @@ fn latency_text(lines: &[LatencyLine]) -> String {
         ]);
     }
     if table.is_empty() {
-        "no flight has a lateness\n".to_owned()
+        "no flight has a known lateness\n".to_owned()
     } else {
         format!("± is U (k = 2) of the mean\n{}", table.text())
     }

@@ -54,7 +54,7 @@ pub(crate) fn unit_of(path: &Path, library: &MapLibrary) -> Result<FlightUnit, F
     let failure = |exit, what: String| Failure::new(exit, format!("{}: {what}", path.display()));
     let about = std::fs::metadata(path).map_err(|e| failure(Exit::Wrong, e.to_string()))?;
     if !about.is_file() && !about.is_dir() {
-        return Err(failure(Exit::Wrong, "a device or a pipe; a log is read from a file".to_owned()));
+        return Err(failure(Exit::Wrong, "a device or a pipe; logs are read only from files".to_owned()));
     }
     let mut found = discover(path, library)?;
     match found.units.as_slice() {
@@ -63,7 +63,7 @@ pub(crate) fn unit_of(path: &Path, library: &MapLibrary) -> Result<FlightUnit, F
         several => {
             let names: Vec<&str> = several.iter().take(MOST_LISTED).map(|u| u.id.as_str()).collect();
             let more = if several.len() > names.len() { ", ..." } else { "" };
-            let what = format!("{} flights are in this folder; choose one of them: ", several.len());
+            let what = format!("{} flights are in this folder; give one of them: ", several.len());
             Err(failure(Exit::Wrong, what + &names.join(", ") + more))
         }
     }
@@ -171,7 +171,7 @@ fn topics(topics: &[TopicHealth], all: bool) -> String {
     if notes.len() > MOST_LISTED {
         let _ = writeln!(text, "  and {} more topics with a remark on their rate", notes.len() - MOST_LISTED);
     }
-    for (n, what) in [(left_out, "more that no map reads"), (empty, "more without a message")] {
+    for (n, what) in [(left_out, "more without a map"), (empty, "more without a message")] {
         if n > 0 {
             let _ = writeln!(text, "  and {n} {what}; --all lists them");
         }
@@ -187,7 +187,7 @@ fn about_rate(topic: &TopicHealth) -> Option<String> {
         return Some(format!("{name}: {} of {all} messages have a time", stamps.count));
     }
     let at_once = stamps.rate_hz.is_none() && stamps.steps_s.is_some();
-    at_once.then(|| format!("{name}: no rate: half or more of its messages share one timestamp"))
+    at_once.then(|| format!("{name}: no rate, because half or more of its messages share one timestamp"))
 }
 
 fn topic_cells(topic: &TopicHealth) -> Vec<String> {
@@ -250,7 +250,7 @@ fn stamps(topics: &[TopicHealth], all: bool) -> String {
             table.row(row);
         }
     }
-    let title = if any && !all { "time stamps of the topics that were read" } else { "time stamps" };
+    let title = if any && !all { "timestamps of the topics that were read" } else { "timestamps" };
     let text = section(title, &table);
     if text.is_empty() { text } else { text + GAP }
 }
@@ -372,7 +372,7 @@ fn offsets(channels: &[ChannelHealth]) -> Table {
     for (channel, o) in channels.iter().flat_map(|c| c.offsets.iter().map(move |o| (c, o))) {
         let millis = |x: f64| number(Some(x * 1e3), 2);
         let d = &o.offset_s;
-        let pair = format!("{} less {}", o.of, o.against);
+        let pair = format!("{} minus {}", o.of, o.against);
         table.row(vec![channel.name.clone(), pair, millis(d.median), millis(d.p01), millis(d.p99)]);
     }
     table
@@ -398,13 +398,14 @@ fn next(unit: &FlightUnit, loaded: &Loaded, log: &Path) -> String {
             0 => "data were lost".to_owned(),
             bytes => format!("{} of the log could not be read", count(bytes, "byte")),
         };
-        let _ = writeln!(text, "{lost} (exit code 3); save the rest with: {command}");
+        let _ = writeln!(text, "{lost} (exit code 3); save the intact data with: {command}");
     }
     if loaded.binding.is_err() {
         let _ = writeln!(
             text,
-            "without a map there are no channels: `flightlag maps` lists what is known, `flightlag maps NAME` prints one \
-             to start your own from, and --maps DIR reads it; `flightlag export LOG --topics` needs none"
+            "without a map there are no channels. `flightlag maps` lists the known maps, `flightlag maps NAME` \
+             prints one as a start for your own, and --maps DIR reads it. `flightlag export LOG --topics` needs no \
+             map"
         );
     }
     text

@@ -22,8 +22,8 @@ pub(crate) fn run(arguments: &QueryArguments) -> Result<End, Failure> {
 
 #[cfg(not(feature = "query"))]
 fn answer(_arguments: &QueryArguments, _query: &Query) -> Result<End, Failure> {
-    let what = "this flightlag is built without queries; build it with `cargo build --release -p flightlag --features query`, \
-                or run `just query …`";
+    let what = "flightlag was built without queries; build it with `cargo build --release -p flightlag --features \
+        query`, or run `just query …`";
     Err(Failure::new(Exit::Wrong, what))
 }
 

@@ -71,7 +71,7 @@ fn page(out: &Path, recovered: &Recovered) -> String {
     };
     let b = &recovered.health.bytes;
     let head = format!(
-        "{}: {}, {}, {how}, read again and found equal\n  from {}, {} of {} bytes damaged\n",
+        "{}: {}, {}, {how}, read back and equal\n  from {}, {} of {} bytes damaged\n",
         visible(&out.display().to_string()),
         bytes(recovered.bytes),
         count(written, "message"),

@@ -17,7 +17,7 @@ struct FleetFile {
     /// Version of this file's layout: 1.
     #[cfg_attr(feature = "schema", schemars(with = "u32", range(min = 1, max = 1)))]
     schema: Spanned<u32>,
-    /// Aircraft, each with its flights. The first that matches a flight counts.
+    /// Aircraft, each with its flights. The first that matches a flight is used.
     #[serde(default)]
     #[cfg_attr(feature = "schema", schemars(with = "Vec<AircraftTable>", length(min = 1)))]
     aircraft: Vec<Spanned<AircraftTable>>,

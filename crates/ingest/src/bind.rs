@@ -126,7 +126,7 @@ fn on_one_clock(best: &mut Trial<'_>, log: &Log) -> Option<Joined> {
 fn notices_of(best: &Trial<'_>, log: &Log) -> Notices {
     let mut notices = log.notices.clone();
     for (name, remark) in &best.unknown {
-        let text = format!("channel {name} is not bound: the log says {remark}, which the channel map does not know");
+        let text = format!("channel {name} is not bound: the log states {remark}, which the channel map does not know");
         notices.push(Code::UnknownWord, "", 1, text);
     }
     stamp_notices::note_stamps(&best.plans, &mut notices);
@@ -188,7 +188,7 @@ fn date_clocks(flight: &mut Flight, joined: Option<Joined>, tied: Option<Tied>) 
 fn note_tie(tied: &Tied, notices: &mut Notices) {
     let tie = &tied.tie;
     let text = format!(
-        "the clock {} is dated by {}: {} pairs within {:.3} s; samples keep their stamps",
+        "the clock {} is dated by {}: {} pairs within {:.3} s; the timestamps of samples are unchanged",
         tie.clock,
         tie.source,
         tie.pairs,
@@ -199,7 +199,7 @@ fn note_tie(tied: &Tied, notices: &mut Notices) {
         notices.push(repair.what, &tie.source, repair.count, &*repair.text);
     }
     if tie.outliers > 0 {
-        let text = "messages that date the clock are more than a second off the others and are not used";
+        let text = "messages that date the clock differ from the others by more than a second and are not used";
         notices.push(Code::UtcTie.at(Severity::Warning), &tie.source, tie.outliers, text);
     }
 }
@@ -217,9 +217,9 @@ fn note_back_jumps(channels: &[ChannelHealth], longest: Option<StepBack>, notice
     };
     let longest = longest.map_or(String::new(), |longest| {
         let why = set_back_for(longest.length_s, longest.step_s).map_or(String::new(), |why| format!(", {why}"));
-        format!(", at most by {:.3} s{why}", longest.length_s)
+        format!(", by {:.3} s at most{why}", longest.length_s)
     });
-    let text = format!("{which}: stamps go back{longest}; the rows were sorted by stamp");
+    let text = format!("{which}: timestamps go back{longest}; the rows were sorted by timestamp");
     notices.push(Code::UnreliableStamps, place, back.iter().copied().map(jumps).sum(), text);
 }
 

@@ -12,11 +12,9 @@ pub(crate) fn companion(health: &LogHealth, flight: &Flight) -> Option<&'static 
     let held: Vec<&TopicHealth> = health.topics.iter().filter(|topic| topic.messages > 0).collect();
     let all = |of: fn(&TopicHealth) -> bool| !held.is_empty() && held.iter().all(|topic| of(topic));
     if health.format.contains("FlySight 2") && all(|topic| topic.name != "GNSS") {
-        Some(
-            "this file goes with a track: the SENSOR or EVENT file of a FlySight 2, whose flight is in TRACK.CSV. It has no position",
-        )
+        Some("this is the SENSOR or EVENT file of a FlySight 2. It has no position; the flight is in TRACK.CSV")
     } else if all(is_of_other_vessels) {
-        Some("this log holds AIS reports of other vessels, and no position of a vehicle of its own")
+        Some("this log holds AIS reports of other vessels, but no position of its own vehicle")
     } else {
         None
     }

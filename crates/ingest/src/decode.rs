@@ -417,15 +417,15 @@ impl<'w> Topics<'w> {
         let mut report_borrowed = |language: &str, what: &str| {
             let topics = self.topics.iter().filter(|topic| topic.borrowed == Some(language)).count() as u64;
             if topics > 0 {
-                let text = format!("topics whose type this log does not define were read by {what}");
+                let text = format!("the log does not define the type of these topics; they were read with {what}");
                 notices.push(Code::DefinitionSupplied, "", topics, text);
             }
         };
-        report_borrowed(COMMON, "the common definition of that name");
-        report_borrowed(GIVEN, "the definition of that name in the folder of maps");
-        let completed = "built-in definitions of the types that their own lack (the MD5 sums agree)";
+        report_borrowed(COMMON, "the built-in definition of that name");
+        report_borrowed(GIVEN, "the definition of that name in the --maps folder");
+        let completed = "built-in definitions of the missing types (the MD5 sums agree)";
         report_borrowed(COMPLETED, completed);
-        let completed = "definitions in the folder of maps of the types that their own lack (the MD5 sums agree)";
+        let completed = "definitions of the missing types in the --maps folder (the MD5 sums agree)";
         report_borrowed(COMPLETED_AS_GIVEN, completed);
         for mut topic in self.topics {
             topic.deliver();
@@ -576,14 +576,17 @@ impl Topic {
                 notices.push(what, place.as_str(), count, text);
             }
         };
-        let text = "rows left out: the values of this log take more memory than a log of its size may".to_owned();
+        let text = "rows were not read: the values of this log need more memory than is allowed for a log of its \
+            size"
+            .to_owned();
         raise(Code::TooMuchData.into(), self.beyond_memory, text);
         let (misfits, field) = self.rows.misfits().unwrap_or_default();
-        raise(Code::Redefined.into(), misfits, format!("values left out: {field} changes its type"));
-        let text = "fields or values left out: there are too many columns".to_owned();
+        raise(Code::Redefined.into(), misfits, format!("values were not used: {field} changes its type"));
+        let text = "fields or values were not read: there are too many columns".to_owned();
         raise(Code::TooMuchData.at(Severity::Warning), self.rows.turned_away(), text);
         if self.decoders.len() > 1 {
-            let text = "definitions of the same type in one log; each message is read by its own".to_owned();
+            let text =
+                "different definitions of the same type in one log; each message is read with its own".to_owned();
             raise(Code::Redefined.into(), self.decoders.len() as u64, text);
         }
     }
@@ -649,9 +652,9 @@ impl Decoder {
             How::Borrowed(plan) => match plan.decode(payload, rows)? {
                 0 => Ok(0),
                 _ if self.schema_encoding == GIVEN => {
-                    Err("it is longer than the definition of its type that was given".to_owned())
+                    Err("it is longer than the definition of its type in the --maps folder".to_owned())
                 }
-                _ => Err("it is longer than the common definition of its type".to_owned()),
+                _ => Err("it is longer than the built-in definition of its type".to_owned()),
             },
             How::Protobuf(plan) => plan.decode(payload, rows).map(|()| 0),
             How::Packed(plan) => plan.decode(payload, rows),
@@ -673,7 +676,13 @@ fn list(notices: Notices, to: &mut Notices) {
         }
     }
     for (severity, count) in unlisted {
-        to.push(Code::NotListed.at(severity), "", count, "more notices about topics, counted and not listed");
+        to.push(
+            Code::NotListed.at(severity),
+            "",
+            count,
+            "more notices about topics; they are counted, but not \
+            listed",
+        );
     }
 }
 
@@ -697,15 +706,14 @@ impl How {
             ("cdr", "ros2idl" | "omgidl") => plan(Schema::parse_idl(&info.type_name, &read(text))).map(How::Ros),
             ("protobuf", "protobuf") => protobuf::Plan::new(&info.type_name, text, wanted, rows).map(How::Protobuf),
             ("cdr", "" | "unknown") => {
-                Err("there is no message definition (a folder given with --maps may hold it, as \
-                                            PACKAGE/msg/TYPE.msg)"
+                Err("the message definition is missing (put it into the --maps folder, as PACKAGE/msg/TYPE.msg)"
                     .to_owned())
             }
-            ("ros1" | "protobuf", "" | "unknown") => Err("there is no message definition".to_owned()),
-            ("ros1" | "cdr" | "protobuf", other) => Err(format!("definitions in {other} are not read yet")),
-            ("flatbuffer", _) => Err("FlatBuffers are not read: no kept crate decodes them by their schema".to_owned()),
-            ("", _) => Err("the encoding of its messages is not named".to_owned()),
-            (other, _) => Err(format!("{other} is not read yet")),
+            ("ros1" | "protobuf", "" | "unknown") => Err("the message definition is missing".to_owned()),
+            ("ros1" | "cdr" | "protobuf", other) => Err(format!("definitions in {other} are not supported yet")),
+            ("flatbuffer", _) => Err("FlatBuffers are not supported".to_owned()),
+            ("", _) => Err("the encoding of its messages is not stated".to_owned()),
+            (other, _) => Err(format!("{other} is not supported yet")),
         }
     }
 }

@@ -34,7 +34,7 @@ impl Definitions {
             let bad = |what: String| IngestError::Map(format!("{}: {what}", path.display()));
             let length = std::fs::metadata(&path).map_err(|e| failed(&path, e))?.len();
             if length > LONGEST || self.0.len() >= MOST {
-                let what = format!("longer than {LONGEST} bytes, or one of more than {MOST} definitions");
+                let what = format!("longer than {LONGEST} bytes, or there are more than {MOST} definitions");
                 return Err(bad(what));
             }
             let bytes = std::fs::read(&path).map_err(|e| failed(&path, e))?;

@@ -238,7 +238,7 @@ impl Search<'_> {
     fn enter(&mut self, path: &Path, id: &str, name: &str, above: &mut Vec<Option<FileIdentity>>) {
         let this = identity(path);
         if above.contains(&this) {
-            return self.ignore(id, "link to a folder around it");
+            return self.ignore(id, "link to a folder that contains it");
         }
         if above.len() >= DEPTH {
             return self.ignore(id, format!("more than {DEPTH} folders deep"));
@@ -271,13 +271,13 @@ impl Search<'_> {
 
     fn file(&mut self, path: &Path, id: &str, file_type: FileType, tables: &mut Vec<TableFile>) {
         if !file_type.is_file() {
-            return self.ignore(id, "no regular file; not opened");
+            return self.ignore(id, "not a regular file; not opened");
         }
         if self.found.units.iter().any(|unit| unit.files.iter().skip(1).any(|file| file == path)) {
             return;
         }
         if is_sidecar_of_database(path) {
-            return self.ignore(id, "belongs to a database in the same folder, which is read without it");
+            return self.ignore(id, "belongs to a database in the same folder; the database is read without it");
         }
         if let Some(first) = self.first_name(path, id) {
             return self.ignore(id, format!("same file as {first}"));
@@ -322,7 +322,7 @@ impl Search<'_> {
                 continue;
             }
             if !member.head.is_empty() && member.head.iter().all(|b| *b == 0) {
-                others.push(format!("{name} is nothing but zero bytes"));
+                others.push(format!("{name} holds only zero bytes"));
                 continue;
             }
             match content_of(&member.name, &member.head) {

@@ -44,7 +44,7 @@ use std::path::PathBuf;
 /// Reports that a file contains several logs, one after another.
 fn tell_logs(file: &str, logs: u64, notices: &mut Notices) {
     if logs > 1 {
-        let text = "logs follow each other in this file; all were read";
+        let text = "this file holds several logs, one after another; all were read";
         notices.push(Code::SeveralSessions, file, logs, text);
     }
 }
@@ -56,21 +56,21 @@ fn tell_unplaced(unplaced: &Tally, file: &str, notices: &mut Notices) {
 
 /// Reports how many messages (in the format's own term) belong to topics above the topic limit.
 fn tell_too_many_topics(unplaced: &Tally, what: &str, file: &str, notices: &mut Notices) {
-    unplaced.tell(Code::TooMuchData, file, &format!("{what} found no topic, for there are too many"), notices);
+    unplaced.tell(Code::TooMuchData, file, &format!("{what} were not read: the log has too many topics"), notices);
 }
 
 /// Reports how many messages could not be decompressed.
 fn tell_broken(broken: &Tally, file: &str, notices: &mut Notices) {
-    broken.tell(Code::Undecodable, file, "messages whose compression is broken", notices);
+    broken.tell(Code::Undecodable, file, "messages with corrupt compression", notices);
 }
 
 /// Compares the number of messages with the number stated by `by`, such as an index.
 fn compare_count(by: &str, stated: u64, found: u64, file: &str, notices: &mut Notices) {
     if stated > found {
-        let text = format!("messages are missing: the {by} counts {stated}, {found} were found");
+        let text = format!("messages are missing: {stated} in the {by}, {found} were found");
         notices.push(Code::IndexDiffers.at(Severity::Loss), file, stated - found, text);
     } else if stated < found {
-        let text = format!("messages more than the {by} counts ({stated})");
+        let text = format!("more messages than in the {by} ({stated})");
         notices.push(Code::IndexDiffers, file, found - stated, text);
     }
 }
@@ -81,7 +81,7 @@ fn refuse_foreign(file: &mut LogFile, wrong_start: &str, context: &ReadContext<'
     let nothing = all_zero(file)?;
     let what = match file.up_to(0, 4096)? {
         [] => "the file is empty".to_owned(),
-        _ if nothing => "the file begins with nothing but zero bytes".to_owned(),
+        _ if nothing => "the file begins with zero bytes only".to_owned(),
         text if is_text(text) => format!("{wrong_start}: it is text, {}", kind_of_text(text, context)),
         _ => return Ok(()),
     };
@@ -112,7 +112,7 @@ fn wrong_start(found: &[u8], magic: &[u8], wrong_start: &'static str) -> &'stati
     let is_text = |changed: &[u8]| changed != magic && found.starts_with(changed);
     let not_utf8 = magic.first().is_some_and(|first| !first.is_ascii()) && found.starts_with("\u{fffd}".as_bytes());
     if not_utf8 || all.iter().any(|changed| is_text(changed)) {
-        return "the file was copied as if it were text, which damages it throughout: copy it again as binary";
+        return "the file was copied in text mode, which damages all of it: copy it again in binary mode";
     }
     wrong_start
 }
@@ -144,7 +144,7 @@ fn is_text(head: &[u8]) -> bool {
 
 fn kind_of_text(head: &[u8], context: &ReadContext<'_>) -> String {
     if looks_like_table(head, context).is_ok() {
-        return "a table by its look, whose name should end in .csv".to_owned();
+        return "it looks like a table: rename it to end in .csv".to_owned();
     }
     let first: String = String::from_utf8_lossy(head).lines().next().unwrap_or_default().chars().take(60).collect();
     format!("its first line {first:?}")
@@ -164,13 +164,13 @@ fn with_topics<'c>(context: &'c ReadContext<'c>, most: usize) -> ReadContext<'c>
 
 fn tell_padding(file: &str, bytes: u64, notices: &mut Notices) {
     if bytes > 0 {
-        notices.push(Code::Skipped, file, bytes, "filling bytes after the last record");
+        notices.push(Code::Skipped, file, bytes, "bytes of padding after the last record");
     }
 }
 
 fn tell_preamble(bytes: u64, notices: &mut Notices) {
     if bytes > 0 {
-        notices.push(Code::Skipped, "", bytes, "bytes of text come before the first frame");
+        notices.push(Code::Skipped, "", bytes, "bytes of text before the first frame");
     }
 }
 
@@ -203,7 +203,7 @@ impl<'w> Reading<'w> {
         match first {
             Some(loss) if log.health.messages == 0 => {
                 let file = self.files.first().map_or("", LogFile::name).to_owned();
-                Err(IngestError::Unusable { file, what: format!("nothing in it is intact: {}", loss.text) })
+                Err(IngestError::Unusable { file, what: format!("nothing in the file is intact: {}", loss.text) })
             }
             _ => Ok(log),
         }

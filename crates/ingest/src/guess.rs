@@ -29,7 +29,7 @@ use flight::{Clock, Unit};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Part of the message for a table without a time column.
-pub(crate) const NO_TIME: &str = "is a time that goes on";
+pub(crate) const NO_TIME: &str = "is a rising time";
 
 /// The fields to read for a guess from tables with these headers; `None` if no name matches.
 pub(crate) fn wanted(heads: &[TableHead]) -> Option<Wanted> {
@@ -80,12 +80,13 @@ pub(crate) fn any_headerless(heads: &[TableHead]) -> bool {
 /// Why tables whose names match nothing are not bound, and what to do about it.
 pub(crate) fn why_nameless(heads: &[TableHead]) -> String {
     if any_headerless(heads) {
-        return "the table has no header; `flightlag maps --suggest LOG` writes a channel map for it if its columns move as a \
-                position and a velocity do"
+        return "the table has no header; `flightlag maps --suggest LOG` writes a channel map if its columns move \
+            like a position and a velocity"
             .to_owned();
     }
-    "no columns are named like a time and a position or a velocity; `flightlag maps --suggest LOG` writes a channel map if \
-     the columns move as a position and a velocity do; else name them in a map, for which `flightlag maps --example` is a start"
+    "no columns are named like a time and a position or a velocity; `flightlag maps --suggest LOG` writes a channel \
+     map if the columns move like a position and a velocity. Otherwise name them in a map; `flightlag maps \
+     --example` is a start"
         .to_owned()
 }
 
@@ -219,8 +220,8 @@ fn leave_out_of_other_starts(bodies: &mut Vec<Found<'_, body::Body>>, times: &[(
     bodies.retain(|body| !doubtful.contains(body.topic) || times.iter().any(|(topic, _)| *topic == body.topic));
     let tables: Vec<&str> = doubtful.into_iter().collect();
     Some(format!(
-        "the times of {} each count from their own first row, and nothing shows whether they began together: no delay between \
-         these tables is sure; log them with one clock",
+        "the times of {} each start at the first row of their table, and it is unknown whether these started \
+         together: no delay between these tables is certain; log them with one clock",
         tables.join(" and ")
     ))
 }
@@ -250,8 +251,8 @@ pub(crate) fn guess_by_motion<'l>(log: &'l Log) -> Result<Guess, String> {
             false => "no columns are named like a time and a position or a velocity",
         };
         return Err(format!(
-            "{what}, and no two neighbouring columns move as two others say; name the columns in a channel map, for which \
-             `flightlag maps --example` is a start"
+            "{what}, and no two neighbouring columns move according to two others; name the columns in a channel \
+             map; `flightlag maps --example` is a start"
         ));
     };
     // A neighbour is a height only if a vertical velocity proves it.
@@ -270,8 +271,8 @@ fn without_time(source: &TableColumns<'_>) -> String {
     let known = if all.is_empty() { String::new() } else { format!("{} are recognised, but ", all.join(", ")) };
     match &source.unread_time {
         Some((column, cell)) => format!(
-            "{known}the time {column} of {} begins with {cell:?}, which cannot be read; what can be read is ISO 8601, h:mm:ss, \
-             the day of a year, or a number of s, ms, us or ns that rises",
+            "{known}the time {column} of {} begins with {cell:?}, which cannot be read; a time must be ISO 8601, \
+             h:mm:ss, the day of a year, or a rising number of s, ms, us or ns",
             source.table.topic.name
         ),
         None => format!("{known}no column of {} {NO_TIME}", source.table.topic.name),
@@ -290,7 +291,7 @@ fn best_place<'l>(
     let mut order: Vec<(&TableColumns<'_>, &Position)> =
         sources.iter().flat_map(|s| s.positions.iter().map(move |p| (s, p))).collect();
     order.sort_by_key(|(s, p)| (!std::ptr::eq(*s, of), !p.is_geodetic, p.source != velocity.source));
-    let mut why_not = "no position to compare them with".to_owned();
+    let mut why_not = "there is no position to compare them with".to_owned();
     let mut contradicts = false;
     let mut pairs: Vec<Pair<'l>> = vec![];
     for (source, position) in order {
@@ -327,7 +328,7 @@ fn best_place<'l>(
 fn no_common_time(source: &TableColumns<'_>, of: &TableColumns<'_>) -> String {
     match (of.timings.first(), source.timings.first()) {
         (Some(own), Some(other)) if own.clock != other.clock => format!(
-            "the times of {} and {} count different clocks: {} and {}",
+            "the times of {} and {} use different clocks: {} and {}",
             of.table.topic.name, source.table.topic.name, own.clock, other.clock
         ),
         (own, _) => {
@@ -365,7 +366,7 @@ fn with_times<'l>(
         1 => fits.pop().ok_or(why_not),
         _ => {
             let entries: Vec<String> = fits.iter().map(|(_, motion)| motion.timing.entry.clone()).collect();
-            Err(format!("the time may be {}: name its unit in its column", entries.join(" or ")))
+            Err(format!("the time may be {}: state its unit in the name of the column", entries.join(" or ")))
         }
     }
 }
@@ -379,7 +380,7 @@ fn by_names_alone<'l>(of: &'l TableColumns<'l>, group: &Velocity) -> Option<Foun
         return None;
     }
     let third = group.third.as_ref().and_then(|third| Some((third.unit?, side(third)?)));
-    let why = vec!["by its names and stated units alone: no position is there to compare it with".to_owned()];
+    let why = vec!["by names and stated units only: there is no position to compare it with".to_owned()];
     let what =
         Motion { group: group.clone(), unit, angle: None, third, swapped: false, is_west: false, agreement: 0.0, why };
     Some(Found::of(of, timing, what))
@@ -393,24 +394,24 @@ fn unchecked<'l>(
 ) -> Result<Found<'l, Place>, String> {
     let path = &group.first.path;
     if !group.source.split('-').all(|word| word.is_empty() || names::SOURCES.contains(&word)) {
-        return Err(format!("{path}: no velocity fits its motion, and its name says that it is not a plain position"));
+        return Err(format!("{path}: no velocity fits its motion, and by its name it is not a plain position"));
     }
     let same = motions.iter().find(|motion| motion.topic == of.table.topic.name).map(|motion| &motion.timing);
     let Some(timing) = same.or(of.timings.first().filter(|timing| timing.is_certain)) else {
-        return Err(format!("{path}: nothing says what the time of its table counts"));
+        return Err(format!("{path}: the unit or clock of the time of its table is unknown"));
     };
     let units: Vec<(Unit, String)> = units_of_place(of.table, group);
     let (unit, why) = match units.as_slice() {
         [one] => one,
         [] => return Err(without_unit(of.table, group)),
-        _ => return Err(format!("{path}: nothing shows whether it is in degrees or radians")),
+        _ => return Err(format!("{path}: may be in degrees or radians; nothing shows which")),
     };
     if !group.is_geodetic && (group.first.unit.is_none() || !names_axes(&group.first)) {
         return Err(format!(
-            "{path}: nothing shows what it counts and where it points; a channel map can say it, see `flightlag maps --example`"
+            "{path}: its unit and direction are unknown; state them in a channel map, see `flightlag maps --example`"
         ));
     }
-    let mut why = vec![why.clone(), "no velocity was found that moves as it does".to_owned()];
+    let mut why = vec![why.clone(), "no velocity was found that fits its motion".to_owned()];
     let third = group.third.as_ref().and_then(|third| unchecked_height(of.table, third, *unit, &mut why));
     let what = Place { group: group.clone(), unit: *unit, third, swapped: false, is_west: false, why };
     Ok(Found::of(of, timing, what))

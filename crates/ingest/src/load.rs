@@ -192,8 +192,8 @@ fn by_guess(log: &mut Log, guess: &Guess, map: ChannelMap) -> Result<(Flight, Bi
     only.add(map);
     let (mut flight, binding) = bind(log, &only, Some(&name))?;
     let text = format!(
-        "columns bound by guess: {}; write this down with `flightlag maps --suggest LOG > own.toml`, check it, and give its folder \
-         with --maps",
+        "columns bound by guess: {}; write this map with `flightlag maps --suggest LOG > own.toml`, check it, and \
+         pass its folder with --maps",
         guess.summary
     );
     flight.notices.push(Code::BoundByGuess, "", guess.channels, text);
@@ -229,7 +229,7 @@ pub fn load_orientations(unit: &FlightUnit, context: &ReadContext<'_>) -> Result
 /// As [`LogReader::read`]; [`IngestError::Map`] with the reason if there is no such map.
 pub fn suggest(unit: &FlightUnit, context: &ReadContext<'_>) -> Result<String, IngestError> {
     if unit.kind != LogKind::Csv {
-        return Err(IngestError::Map("only tables of text are bound by guess; other logs name their types".into()));
+        return Err(IngestError::Map("columns are guessed for text tables only; other logs name their types".into()));
     }
     let nothing = |_: &TopicInfo| Selection::Skip;
     let heads = open(unit).read(&nothing, context)?.heads;

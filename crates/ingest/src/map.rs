@@ -494,7 +494,7 @@ impl MapLibrary {
         if folder.is_file() {
             let above = folder.parent().filter(|above| !above.as_os_str().is_empty()).unwrap_or(Path::new("."));
             let (file, above) = (folder.display(), above.display());
-            return Err(IngestError::Map(format!("{file} is a file; --maps takes its folder: --maps {above}")));
+            return Err(IngestError::Map(format!("{file} is a file; --maps takes the folder: --maps {above}")));
         }
         let mut paths: Vec<PathBuf> = vec![];
         for entry in std::fs::read_dir(folder).map_err(failed)? {
@@ -646,7 +646,7 @@ impl ChannelMap {
 /// Resolves the map in a file.
 fn meaning_of(written: MapFile, file: &SettingsFile<'_>, text: &str) -> Result<ChannelMap, Refused> {
     if *written.schema.get_ref() != 1 {
-        let what = format!("schema {} is not known; 1 is", written.schema.get_ref());
+        let what = format!("schema {} is unknown; use schema = 1", written.schema.get_ref());
         return Err(file.reject(&written.schema, what));
     }
     let rules = rules_of(&written, file);
@@ -699,7 +699,7 @@ fn rule_of(entry: &ChannelEntry, file: &MapFile) -> Result<ChannelRule, String> 
     for part in &mut parts {
         let is_height = part.role == "height";
         if !is_height && part.fields.iter().any(|source| source.above.is_some()) {
-            return Err(format!("{}: only a height is above something", part.role));
+            return Err(format!("{}: `above` is for heights only", part.role));
         }
         // For earth-fixed axes the height is computed.
         let above = entry.height_above.filter(|_| is_height);
@@ -707,14 +707,14 @@ fn rule_of(entry: &ChannelEntry, file: &MapFile) -> Result<ChannelRule, String> 
     }
     let times = times_of(entry.time.as_ref().unwrap_or(&file.time))?;
     if times.iter().all(|(_, sources)| sources.is_empty()) {
-        return Err("no source of stamps".into());
+        return Err("no source of timestamps".into());
     }
     for require in &entry.require {
         if require.min.is_none() && require.max.is_none() && require.bit.is_none() {
-            return Err(format!("require {}: neither min nor max nor bit", require.field));
+            return Err(format!("require {}: give min, max or bit", require.field));
         }
         if require.of.is_empty() != require.same.0.is_empty() {
-            return Err(format!("require {}: `of` goes with `same`", require.field));
+            return Err(format!("require {}: `of` and `same` are used together", require.field));
         }
     }
     Ok(ChannelRule {
@@ -787,7 +787,7 @@ fn recipe(quantity: QuantityName, f: &FieldTable, frame: Option<FrameName>) -> R
         QuantityName::MagneticDirection => (Combine::AsIs, body_axes(f, Pure, frame)?),
     };
     if frame.is_some() && !slots.iter().any(|s| matches!(s.role, "x" | "y" | "z" | "orientation_w" | "roll")) {
-        return Err("a frame fits only x, y and z, or an attitude".into());
+        return Err("a frame is only for x, y and z, or for an attitude".into());
     }
     no_other_fields(f, &slots)?;
     let parts: Result<Vec<Part>, String> = slots.iter().map(part).collect();
@@ -894,7 +894,7 @@ fn body_axes(f: &FieldTable, dimension: Dimension, frame: Option<FrameName>) -> 
         ]
     };
     if slots.iter().all(|s| s.written.is_none()) {
-        return Err("no field: x, y or z with a frame, or forward, right or left, down or up".into());
+        return Err("no field: give x, y or z with a frame, or forward, right or left, down or up".into());
     }
     Ok(slots.into_iter().map(|s| Slot { presence: Presence::Axis, ..s }).collect())
 }
@@ -935,7 +935,7 @@ fn no_other_fields(f: &FieldTable, slots: &[Slot<'_>]) -> Result<(), String> {
         ("value", &f.value),
     ];
     let stray = all.iter().find(|(name, field)| field.is_some() && slots.iter().all(|slot| slot.role != *name));
-    stray.map_or(Ok(()), |(name, _)| Err(format!("the field {name} does not fit with the others")))
+    stray.map_or(Ok(()), |(name, _)| Err(format!("the field {name} cannot be combined with the others")))
 }
 
 fn part(slot: &Slot<'_>) -> Result<Part, String> {
@@ -968,19 +968,19 @@ fn times_of(table: &TimeTable) -> Result<[(StampKind, Vec<TimeSource>); 3], Stri
 
 fn tie_rule(entry: &UtcEntry) -> Result<TieRule, String> {
     if entry.require.iter().any(|r| !r.of.is_empty()) {
-        return Err("a condition is one on the message itself".into());
+        return Err("conditions must be on the message itself".into());
     }
     let (stamp, utc) = (time_source(&entry.stamp)?, time_source(&entry.utc)?);
     if matches!(stamp, TimeSource::LoggedOnBoot) {
-        return Err("logged-on-boot is placed by such rules, and is no stamp of one".into());
+        return Err("logged-on-boot is computed from utc rules and cannot be used in one".into());
     }
     // A container with timestamps that need a date counts since boot.
     let clock = if matches!(stamp, TimeSource::ContainerLogged) { Clock::Boot } else { stamp.clock() };
     if !matches!(clock, Clock::Boot | Clock::Elapsed) {
-        return Err("the stamp that is tied counts boot or elapsed".into());
+        return Err("the tied timestamp must use the clock boot or elapsed".into());
     }
     if !matches!(utc.clock(), Clock::Unix | Clock::Gps) {
-        return Err("utc counts unix or gps".into());
+        return Err("utc must use the clock unix or gps".into());
     }
     let types = entry.types.iter().map(|t| plain_type(t)).collect();
     Ok(TieRule { topics: entry.topic.clone(), types, clock, stamp, utc, require: entry.require.clone() })
@@ -1004,7 +1004,7 @@ fn time_source(entry: &TimeEntry) -> Result<TimeSource, String> {
         (Some(container), None, None, None, None, None) if clock.is_none() => Ok(container_source(*container)),
         (None, None, Some(fields), None, None, None) if of_utc => {
             if !matches!(fields.len(), 6 | 7) {
-                return Err("a calendar is year, month, day, hour, minute, second, and perhaps nanoseconds".into());
+                return Err("a calendar is year, month, day, hour, minute, second, and optionally nanoseconds".into());
             }
             let counter = entry.counter.as_ref().map(|c| (c.field.clone(), c.unit));
             Ok(TimeSource::Calendar { fields: fields.clone(), zone: zone.clone(), counter })
@@ -1022,7 +1022,7 @@ fn source_in_field(field: &str, entry: &TimeEntry, clock: Option<(Clock, i64)>) 
     let (field, zone) = (field.to_owned(), entry.zone.clone());
     match (entry.unit, entry.text, entry.week.clone()) {
         (Some(unit), None, None) => {
-            let (clock, epoch_s) = clock.ok_or_else(|| format!("the stamp {field} needs a clock"))?;
+            let (clock, epoch_s) = clock.ok_or_else(|| format!("the timestamp {field} needs a clock"))?;
             let east_s = zone.as_deref().and_then(offset_seconds).map_or(0, i64::from);
             let bits = entry.bits.unwrap_or(USUAL_BITS);
             Ok(TimeSource::Number { field, tick: unit, clock, zero_s: epoch_s - east_s, bits })
@@ -1041,8 +1041,8 @@ fn source_in_field(field: &str, entry: &TimeEntry, clock: Option<(Clock, i64)>) 
     }
 }
 
-const NO_STAMP: &str = "a stamp is a container, or a field with a unit and a clock, or a field with text, or a week with \
-                        a field and a unit, or a date and a time, or a calendar";
+const NO_STAMP: &str = "a timestamp is one of: a container; a field with a unit and a clock; a field with text; a \
+    week with a field and a unit; a date and a time; a calendar";
 
 fn container_source(stamp: ContainerStamp) -> TimeSource {
     match stamp {
@@ -1068,16 +1068,16 @@ fn only_where_it_counts(entry: &TimeEntry) -> Result<(), String> {
         Some(text) => !matches!(text, TimeText::TimeOfDay),
         None => entry.date.is_some() || entry.calendar.is_some() || matches!(clock, Some((Clock::Unix, _))),
     };
-    refused(entry.order.is_some() && entry.date.is_none(), "an order goes with a date")?;
-    refused(entry.nanos.is_some() && entry.week.is_none(), "nanos go with a week")?;
-    refused(entry.counter.is_some() && entry.calendar.is_none(), "a counter goes with a calendar")?;
-    refused(entry.year.is_some() && !days, "a year goes with days of the year")?;
-    refused(entry.bits.is_some() && !counter, "bits go with a counter of the clock boot or elapsed")?;
+    refused(entry.order.is_some() && entry.date.is_none(), "`order` needs `date`")?;
+    refused(entry.nanos.is_some() && entry.week.is_none(), "`nanos` needs `week`")?;
+    refused(entry.counter.is_some() && entry.calendar.is_none(), "`counter` needs `calendar`")?;
+    refused(entry.year.is_some() && !days, "`year` needs text = \"day-of-year\"")?;
+    refused(entry.bits.is_some() && !counter, "`bits` needs a counter with the clock boot or elapsed")?;
     refused(entry.bits.is_some_and(|bits| !(8..=48).contains(&bits)), "a counter has 8 to 48 bits")?;
-    refused(entry.zone.is_some() && (!dated || entry.offset.is_some()), "a zone goes with a date that has no offset")?;
+    refused(entry.zone.is_some() && (!dated || entry.offset.is_some()), "`zone` needs a date without `offset`")?;
     refused(
         entry.zone.as_deref().is_some_and(|zone| offset_seconds(zone).is_none_or(|east| east.abs() > MOST_EAST_S)),
-        "a zone is an offset from UTC, as +02:00, of no more than 14 hours",
+        "`zone` is an offset from UTC of at most 14 hours, such as +02:00",
     )
 }
 

@@ -20,40 +20,40 @@ pub(crate) struct MapFile {
     /// Version of this format: 1.
     #[cfg_attr(feature = "schema", schemars(with = "u32"))]
     pub(crate) schema: Spanned<u32>,
-    /// Short name, as `--map` takes it.
+    /// Short name, for `--map`.
     pub(crate) name: String,
-    /// One line for people.
+    /// Title in one line.
     pub(crate) title: String,
-    /// It binds any log that has some types, and is no match for a map that is made for a device.
+    /// Whether the map binds any log with certain types. A map made for a specific device takes precedence.
     #[serde(default)]
     pub(crate) generic: bool,
-    /// Where stamps are found, for all channels that do not say otherwise.
+    /// Sources of timestamps for all channels without their own.
     #[serde(default)]
     pub(crate) time: TimeTable,
-    /// What ties the clock since boot to UTC. Of several the first that the log holds is taken.
+    /// Ties of the clock since boot to UTC. The first one that the log has is used.
     #[serde(default)]
     #[cfg_attr(feature = "schema", schemars(with = "Vec<UtcEntry>"))]
     pub(crate) utc: Vec<Spanned<UtcEntry>>,
-    /// The channels. Of several of one name, for other types, the first is made that finds its data.
+    /// The channels. If several have the same name, for different types, the first one that finds its data is used.
     #[cfg_attr(feature = "schema", schemars(with = "Vec<ChannelEntry>"))]
     pub(crate) channel: Vec<Spanned<ChannelEntry>>,
 }
 
-/// Sources of stamps by kind; of each kind the first that exists is taken.
+/// Sources of timestamps by kind. The first one of each kind that exists is used.
 #[derive(Debug, Clone, Default, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct TimeTable {
-    /// When the device says that the value was true.
+    /// Time at which the value was true, according to the device.
     pub(crate) measured: Vec<TimeEntry>,
-    /// When the driver sent the message.
+    /// Time at which the driver sent the message.
     pub(crate) published: Vec<TimeEntry>,
-    /// When the logger received it.
+    /// Time at which the logger received it.
     pub(crate) logged: Vec<TimeEntry>,
 }
 
-/// A topic whose messages say both the time since boot and UTC, as those of a receiver do. It dates the flight; the
-/// samples keep their stamps.
+/// A topic with both the time since boot and UTC in each message, such as that of a receiver. It dates the flight; the
+/// timestamps of samples are unchanged.
 #[derive(Debug, Clone, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
@@ -68,38 +68,39 @@ pub(crate) struct UtcEntry {
     pub(crate) stamp: TimeEntry,
     /// UTC or GPS time in the same message.
     pub(crate) utc: TimeEntry,
-    /// What a message must fulfil, such as a fix.
+    /// Conditions on a message, such as a fix.
     #[serde(default)]
     pub(crate) require: Vec<RequireEntry>,
 }
 
-/// One source of stamps: `container`, or `field` with `unit`, or `field` with `text`, or `date`, `time` and `offset` or `zone`,
-/// or `week` with `field` and `unit`, or `calendar`.
+/// One source of timestamps: `container`, or `field` with `unit`, or `field` with `text`, or `date`, `time` and
+/// `offset` or `zone`, or `week` with `field` and `unit`, or `calendar`.
 #[derive(Debug, Clone, Default, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct TimeEntry {
-    /// A stamp that the container gives to every message.
+    /// A timestamp that the container has for every message.
     pub(crate) container: Option<ContainerStamp>,
     /// A field of the message.
     pub(crate) field: Option<String>,
-    /// What its number counts.
+    /// Unit of its number.
     pub(crate) unit: Option<TickName>,
-    /// How its text is written.
+    /// Format of its text.
     pub(crate) text: Option<TimeText>,
-    /// The GPS week; `field` is then the time in the week. Weeks that are all below 1024 are taken as a counter
-    /// of ten bits: the weeks nearest to the date of another clock of the log, or else those that end about a year
-    /// after this release. Week 0 means no fix.
+    /// The GPS week; `field` is then the time in the week. If all weeks are below 1024, they are read as a ten-bit
+    /// counter: the weeks nearest to the date of another clock of the log are used, otherwise those that end about a
+    /// year after this release. Week 0 means no fix.
     pub(crate) week: Option<String>,
-    /// With a week: a field of nanoseconds to be added.
+    /// With a week: a field of nanoseconds to add.
     pub(crate) nanos: Option<String>,
-    /// Columns of year, month, day, hour, minute and second, which may have a fraction, and perhaps one of the nanoseconds.
+    /// Columns of year, month, day, hour, minute and second, and optionally of nanoseconds. The second may have a
+    /// fraction.
     pub(crate) calendar: Option<Vec<String>>,
-    /// With a calendar: a counter of the device, which dates rows that have no date, or one that is more than a day off
-    /// those of most rows.
+    /// With a calendar: a counter of the device. It dates rows without a date, or with a date more than a day away from
+    /// most others.
     pub(crate) counter: Option<CounterEntry>,
-    /// Column of a date, `yyyy-mm-dd`, `yyyy/mm/dd`, `yyyymmdd`, `yyyy-ddd`, `dd.mm.yyyy` or `dd-Mon-yyyy`; or one that leaves
-    /// open what is the day, as `05/06/2021` or `050621`, where the column shows the order or `order` says it.
+    /// Column of a date: `yyyy-mm-dd`, `yyyy/mm/dd`, `yyyymmdd`, `yyyy-ddd`, `dd.mm.yyyy` or `dd-Mon-yyyy`. Dates such
+    /// as `05/06/2021` or `050621` are ambiguous: the order is inferred from the column, or stated by `order`.
     pub(crate) date: Option<String>,
     /// With a date: the order of day, month and year.
     pub(crate) order: Option<OrderName>,
@@ -107,14 +108,14 @@ pub(crate) struct TimeEntry {
     pub(crate) time: Option<String>,
     /// Column of the offset from UTC, `+hh:mm`.
     pub(crate) offset: Option<String>,
-    /// The offset from UTC of all rows, `+hh:mm`, for dates that do not say it themselves. Without it they are UTC. It is one
-    /// offset and no zone whose offset changes in spring and autumn.
+    /// Offset from UTC of all rows, `+hh:mm`, for dates that do not state their own. Default: UTC. It is a fixed
+    /// offset, not a zone with daylight saving time.
     pub(crate) zone: Option<String>,
-    /// The year in which the log begins, for days of the year without one.
+    /// Year in which the log begins, for days of the year without a year.
     pub(crate) year: Option<i16>,
-    /// The bits of a counter that begins anew at zero, if they are not 32.
+    /// Width of a counter that wraps around to zero, bits. Default: 32.
     pub(crate) bits: Option<u32>,
-    /// The clock that is counted; `unix` where text says the instant.
+    /// The clock; `unix` where text states the instant.
     pub(crate) clock: Option<ClockName>,
 }
 
@@ -125,21 +126,21 @@ pub(crate) struct TimeEntry {
 pub(crate) struct CounterEntry {
     /// The field.
     pub(crate) field: String,
-    /// What its number counts.
+    /// Unit of its number.
     pub(crate) unit: TickName,
 }
 
-/// A stamp of the container.
+/// A timestamp of the container.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum ContainerStamp {
-    /// When the container says that it wrote the message.
+    /// Time at which the message was written, according to the container.
     Logged,
-    /// When the container says that the message was published.
+    /// Time at which the message was published, according to the container.
     Published,
-    /// When the container says that it wrote the message, on the clock since boot: for messages that state no time, placed
-    /// between those that `[[utc]]` names with `utc = { container = "logged" }`.
+    /// Time at which the message was written, on the clock since boot. It is for messages without their own timestamp:
+    /// they are placed between the messages that `[[utc]]` names with `utc = { container = "logged" }`.
     LoggedOnBoot,
 }
 
@@ -178,17 +179,17 @@ pub(crate) enum TickName {
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum TimeText {
-    /// `2024-05-10T17:27:44.30Z`; without a zone it is UTC.
+    /// `2024-05-10T17:27:44.30Z`; UTC if it has no zone.
     #[serde(rename = "iso-8601")]
     Iso8601,
-    /// Day of the year and time, as IRIG time codes are written: `131:17:27:44.300000`, or with the year in front. Without a
-    /// year the clock is `elapsed`, since the begin of some year.
+    /// Day of the year and time, as in IRIG time codes: `131:17:27:44.300000`, or with the year before it. Without a
+    /// year the clock is `elapsed`, since the beginning of an unknown year.
     DayOfYear,
-    /// `17:27:44.300` or `172744.300`, of no known day: the clock is `elapsed`, since midnight.
+    /// `17:27:44.300` or `172744.300` on an unknown day: the clock is `elapsed`, since midnight.
     TimeOfDay,
 }
 
-/// What a date begins with.
+/// Order of day, month and year in a date.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
@@ -210,52 +211,53 @@ pub(crate) enum ClockName {
     Unix,
     /// GPS time since 1980.
     Gps,
-    /// Since the device was switched on.
+    /// Time since the device was switched on.
     Boot,
-    /// Since an unnamed start.
+    /// Time since an unknown start.
     Elapsed,
-    /// Atomic time since 1970, as PTP (IEEE 1588) counts it: leap seconds counted.
+    /// Atomic time since 1970, as in PTP (IEEE 1588): it includes leap seconds.
     Tai,
-    /// UTC since 1904, as LabVIEW counts seconds.
+    /// UTC since 1904, as in LabVIEW.
     Labview,
-    /// UTC in days since 1899-12-30, as spreadsheets count.
+    /// UTC in days since 1899-12-30, as in spreadsheets.
     Excel,
     /// UTC in days since the year 0, as MATLAB's `datenum`.
     Matlab,
-    /// UTC in days of the modified Julian date.
+    /// UTC as the modified Julian date, in days.
     ModifiedJulian,
-    /// UTC in days of the Julian date. A double of it is no better than 20 µs.
+    /// UTC as the Julian date, in days. Its resolution as a double is 20 µs at best.
     Julian,
 }
 
-/// A kind of stamp.
+/// A kind of timestamp.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum KindName {
-    /// When the device says that the value was true.
+    /// Time at which the value was true, according to the device.
     Measured,
-    /// When the driver sent the message.
+    /// Time at which the driver sent the message.
     Published,
-    /// When the logger received it.
+    /// Time at which the logger received it.
     Logged,
 }
 
-/// What a channel holds.
+/// Quantity of a channel.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum QuantityName {
-    /// `latitude`, `longitude` and perhaps `height`; or `x`, `y`, `z` with the frame `ecef`.
+    /// `latitude`, `longitude` and optionally `height`; or `x`, `y`, `z` with the frame `ecef`.
     PositionGeodetic,
-    /// `north`, `east` or `west`, and perhaps `down` or `up`.
+    /// `north`, `east` or `west`, and optionally `down` or `up`.
     PositionNed,
-    /// `north`, `east`; or `speed`, `track` and perhaps `variation`; or `forward`, `left`, `up` and the orientation;
-    /// or `x`, `y`, `z` with the frame `ecef` and the place `at_x`, `at_y`, `at_z`.
+    /// `north`, `east`; or `speed`, `track` and optionally `variation`; or `forward`, `left`, `up` and the orientation;
+    /// or `x`, `y`, `z` with the frame `ecef` and the position `at_x`, `at_y`, `at_z`.
     VelocityNed,
     /// `height`.
     Height,
-    /// `orientation_w` to `orientation_z`, a quaternion of any length, or `roll`, `pitch` and `yaw`; with `frame`.
+    /// `orientation_w` to `orientation_z`, a quaternion that need not be normalised, or `roll`, `pitch` and `yaw`; with
+    /// `frame`.
     Attitude,
     /// `x`, `y`, `z` with `frame`; or `forward`, `right` or `left`, `down` or `up`. An axis may be missing.
     AngularRate,
@@ -275,35 +277,35 @@ pub(crate) enum QuantityName {
     Scalar,
 }
 
-/// The axes that a source counts in.
+/// Axes of a source.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum FrameName {
-    /// Of a vector: x forward, y right, z down.
+    /// For a vector: x forward, y right, z down.
     Frd,
-    /// Of a vector: x forward, y left, z up (ROS REP 103; Xsens).
+    /// For a vector: x forward, y left, z up (ROS REP 103; Xsens).
     Flu,
-    /// Of an attitude: it turns forward, right, down to north, east, down.
+    /// For an attitude: it rotates forward, right, down to north, east, down.
     FrdNed,
-    /// Of an attitude: it turns forward, left, up to east, north, up (ROS REP 103).
+    /// For an attitude: it rotates forward, left, up to east, north, up (ROS REP 103).
     FluEnu,
-    /// Of an attitude: it turns forward, left, up to north, west, up (Xsens until 2012).
+    /// For an attitude: it rotates forward, left, up to north, west, up (Xsens until 2012).
     FluNwu,
-    /// Of an attitude: it turns forward, left, up to north, east, down.
+    /// For an attitude: it rotates forward, left, up to north, east, down.
     FluNed,
-    /// Of a place or a velocity: earth-centred, earth-fixed (WGS-84).
+    /// For a position or a velocity: earth-centred, earth-fixed (WGS-84).
     Ecef,
 }
 
-/// What a height is above.
+/// Reference of a height.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum HeightAbove {
-    /// WGS-84, as flightlag wants it.
+    /// The WGS-84 ellipsoid.
     Ellipsoid,
-    /// Mean sea level: taken as it is, with a notice.
+    /// Mean sea level: used unchanged, with a notice.
     MeanSeaLevel,
 }
 
@@ -312,49 +314,49 @@ pub(crate) enum HeightAbove {
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct ChannelEntry {
-    /// `quantity.source`, as `position.gps`.
+    /// Name of the form `quantity.source`, such as `position.gps`.
     pub(crate) name: String,
-    /// What it holds.
+    /// Its quantity.
     pub(crate) quantity: QuantityName,
-    /// Topic names, the best first. A name of several words also fits below a namespace, and a file whose
-    /// name ends in it, with `/` written as `-` or `_` and an instance as `_0` behind.
+    /// Topic names, the best first. A name of several words also matches below a namespace. It also matches a file name
+    /// that ends in it, with `/` written as `-` or `_`, and with an instance such as `_0` after it.
     #[serde(default)]
     pub(crate) topic: Vec<String>,
-    /// Message types, as `sensor_msgs/NavSatFix`. Without a topic any topic of the type is meant;
-    /// without either, any table of text.
+    /// Message types, such as `sensor_msgs/NavSatFix`. Without a topic, any topic of the type matches; without either,
+    /// any text table.
     #[serde(default, rename = "type")]
     pub(crate) types: Vec<String>,
-    /// The kind of stamp that is the time of the value.
+    /// Kind of timestamp that is the time of the value.
     pub(crate) timeline: KindName,
-    /// Stamps of this channel, instead of those of the file.
+    /// Timestamps of this channel, instead of those of the file.
     pub(crate) time: Option<TimeTable>,
     /// The fields.
     pub(crate) fields: FieldTable,
-    /// What a row must fulfil.
+    /// Conditions on a row.
     #[serde(default)]
     pub(crate) require: Vec<RequireEntry>,
-    /// The axes of `x`, `y`, `z`, or of an attitude.
+    /// Axes of `x`, `y`, `z`, or of an attitude.
     pub(crate) frame: Option<FrameName>,
-    /// What the height is above.
+    /// Reference of the height.
     pub(crate) height_above: Option<HeightAbove>,
-    /// An assumption that whoever reads the report should know.
+    /// An assumption that readers of the report should know.
     pub(crate) note: Option<String>,
-    /// A log of this kind need not have it. Without it a field that the topic lacks is an error, but for maps that come with
-    /// flightlag.
+    /// Whether logs of this kind may lack the channel. If false, a missing field is an error, except in built-in maps.
     #[serde(default)]
     pub(crate) optional: bool,
-    /// What a remark of the log says of it. Channels of one name that go by one remark exclude one another.
+    /// A remark of the log that selects the channel. Of channels with the same name and the same remark, at most one is
+    /// used.
     pub(crate) when: Option<WhenEntry>,
 }
 
-/// A remark of the log itself, as a comment `// Coordinate system: NED` above a table of text.
+/// A remark in the log, such as a comment `// Coordinate system: NED` above a text table.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct WhenEntry {
-    /// What stands before the colon.
+    /// Text before the colon.
     pub(crate) remark: String,
-    /// What stands behind it; without it the channel is that of logs that have no such remark.
+    /// Text after the colon. Without it, the channel is for logs without this remark.
     pub(crate) says: Option<String>,
 }
 
@@ -371,8 +373,8 @@ impl WhenEntry {
     }
 }
 
-/// The fields of a channel. Each is one field with its unit, or several of which the first that exists is read; a height that
-/// is zero in every row stands back behind another that is not.
+/// The fields of a channel. Each is one field with its unit, or a list of them. The first one that exists is read. A
+/// height that is zero in every row is used only if all other heights are zero or missing.
 #[derive(Debug, Default, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields, default)]
@@ -389,9 +391,9 @@ pub(crate) struct FieldTable {
     pub(crate) east: Option<OneOrMore<FieldEntry>>,
     /// West; instead of `east`.
     pub(crate) west: Option<OneOrMore<FieldEntry>>,
-    /// Down; instead of `up`. In the body's frame, along its downward axis.
+    /// Down; instead of `up`. In body axes: along the downward axis.
     pub(crate) down: Option<OneOrMore<FieldEntry>>,
-    /// Up; instead of `down`. In the body's frame, along its upward axis.
+    /// Up; instead of `down`. In body axes: along the upward axis.
     pub(crate) up: Option<OneOrMore<FieldEntry>>,
     /// Speed over ground.
     pub(crate) speed: Option<OneOrMore<FieldEntry>>,
@@ -411,25 +413,25 @@ pub(crate) struct FieldTable {
     pub(crate) y: Option<OneOrMore<FieldEntry>>,
     /// Along or about the third axis of `frame`.
     pub(crate) z: Option<OneOrMore<FieldEntry>>,
-    /// With a velocity in the frame `ecef`: where it is, along the first axis.
+    /// With a velocity in the frame `ecef`: position along the first axis.
     pub(crate) at_x: Option<OneOrMore<FieldEntry>>,
-    /// Where it is, along the second axis.
+    /// Position along the second axis.
     pub(crate) at_y: Option<OneOrMore<FieldEntry>>,
-    /// Where it is, along the third axis.
+    /// Position along the third axis.
     pub(crate) at_z: Option<OneOrMore<FieldEntry>>,
-    /// About the first axis of `frame`, last of the three turns (3-2-1).
+    /// Rotation about the first axis of `frame`, the last of the three (3-2-1).
     pub(crate) roll: Option<OneOrMore<FieldEntry>>,
-    /// About the second axis of `frame`, second of the three turns.
+    /// Rotation about the second axis of `frame`, the second of the three.
     pub(crate) pitch: Option<OneOrMore<FieldEntry>>,
-    /// About the third axis of `frame`, first of the three turns.
+    /// Rotation about the third axis of `frame`, the first of the three.
     pub(crate) yaw: Option<OneOrMore<FieldEntry>>,
     /// Counts of an encoder.
     pub(crate) count: Option<OneOrMore<FieldEntry>>,
     /// Angle of an encoder.
     pub(crate) angle: Option<OneOrMore<FieldEntry>>,
-    /// Second of the device's clock at a pulse, or the pulse's number.
+    /// Second of the device's clock at a pulse, or number of the pulse.
     pub(crate) second: Option<OneOrMore<FieldEntry>>,
-    /// Orientation: quaternion, x. Of an attitude in the axes of `frame`, else of the body (forward, left, up) in
+    /// Orientation: quaternion, x. For an attitude in the axes of `frame`, otherwise of the body (forward, left, up) in
     /// east, north, up.
     pub(crate) orientation_x: Option<OneOrMore<FieldEntry>>,
     /// Quaternion, y.
@@ -438,11 +440,11 @@ pub(crate) struct FieldTable {
     pub(crate) orientation_z: Option<OneOrMore<FieldEntry>>,
     /// Quaternion, scalar part.
     pub(crate) orientation_w: Option<OneOrMore<FieldEntry>>,
-    /// The number of a scalar.
+    /// Value of a scalar.
     pub(crate) value: Option<OneOrMore<FieldEntry>>,
 }
 
-/// One entry, or a list of them. An untagged enum of serde would not say which line is wrong, and why.
+/// One entry, or a list of them. An untagged enum of serde would not report which line is wrong, and why.
 #[derive(Debug, Clone)]
 pub(crate) struct OneOrMore<T>(pub(crate) Vec<T>);
 
@@ -500,34 +502,35 @@ impl<T: JsonSchema> JsonSchema for OneOrMore<T> {
 pub(crate) struct FieldEntry {
     /// Dotted path.
     pub(crate) field: String,
-    /// Unit, as `deg`, `1e-7 deg`, `m`, `mm`, `ft`, `m/s`, `kt`, `ft/min`; `1` for a pure number.
+    /// Unit, such as `deg`, `1e-7 deg`, `m`, `mm`, `ft`, `m/s`, `kt`, `ft/min`; `1` for a pure number.
     #[serde(deserialize_with = "unit")]
     #[cfg_attr(feature = "schema", schemars(with = "String"))]
     pub(crate) unit: Unit,
-    /// Of a height: what it is above, if that is not what the channel says.
+    /// For a height: its reference, if it differs from that of the channel.
     pub(crate) above: Option<HeightAbove>,
 }
 
-/// A condition on a row; rows that fail it are counted and not used. A field that the log does not have is no obstacle, and
-/// neither is an epoch that the other topics do not have. Of several messages of one epoch all must fulfil it.
+/// A condition on a row. Rows that fail it are counted, but not used. The condition is ignored if the log does not have
+/// the field, or if the other topics do not have the epoch. If an epoch has several messages, all must meet the
+/// condition.
 #[derive(Debug, Clone, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct RequireEntry {
     /// The field.
     pub(crate) field: String,
-    /// Topics that have it in a message of the same epoch, instead of the row itself.
+    /// Topics that have the field in a message of the same epoch, instead of the row itself.
     #[serde(default)]
     pub(crate) of: Vec<String>,
-    /// With other topics: the fields that number the epochs, here and there: one, or several that do it together, as a week
-    /// and the time in it.
+    /// With other topics: the field that numbers the epochs in both. It may be several fields together, such as the
+    /// week and the time in it.
     #[serde(default)]
     pub(crate) same: OneOrMore<String>,
-    /// Its least value.
+    /// Its minimum value.
     pub(crate) min: Option<f64>,
-    /// Its largest value.
+    /// Its maximum value.
     pub(crate) max: Option<f64>,
-    /// A bit that is set, counted from 0 at the lowest.
+    /// A bit that must be set; 0 is the lowest.
     pub(crate) bit: Option<u32>,
 }
 

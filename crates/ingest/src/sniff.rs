@@ -75,8 +75,8 @@ const ENDINGS: &[(&str, LogKind)] = &[
 const MAGIC: &[(&[u8], &str)] = &[
     (b"\xfd7zXZ\0", "xz file; unpack it first"),
     (b"7z\xbc\xaf\x27\x1c", "7-Zip archive; unpack it first"),
-    (b"\x93NUMPY", "NumPy array; a log of several such files is not read"),
-    (b"version https://git-lfs", "Git-LFS pointer, not the log itself; fetch it with git lfs pull"),
+    (b"\x93NUMPY", "NumPy array; logs of NumPy files are not supported"),
+    (b"version https://git-lfs", "Git LFS pointer, not the log itself; fetch the log with git lfs pull"),
     (b"<!DOCTYPE html", "HTML page, not a log"),
     (b"<html", "HTML page, not a log"),
     (b"<?xml", "XML, not a log"),

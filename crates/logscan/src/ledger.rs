@@ -119,12 +119,12 @@ impl Ledger {
         }
         let unlisted = self.damage_count - self.damage.len() as u64;
         if unlisted > 0 {
-            notices.push(Code::Damaged, "", unlisted, "more damaged ranges, counted and not listed");
+            notices.push(Code::Damaged, "", unlisted, "more damaged ranges; they are counted, but not listed");
         }
         for tail in &self.tails {
             let text = format!(
-                "{}: tail cut, as when the power goes off. Everything before it was read; whether more was recorded, the \
-                 log does not say",
+                "{}: tail cut, as after power-off. Everything before it was read; the log does not show whether more \
+                 was recorded",
                 tail.reason
             );
             notices.push(Code::TailCut, place_of(tail), tail.length, text);

@@ -131,7 +131,7 @@ impl<'a> SettingsFile<'a> {
                     what += &format!("\n{file}{line}: {}", other.what);
                 }
                 if more > 0 {
-                    what += &format!("\n{file}: {more} more complaints are not listed");
+                    what += &format!("\n{file}: {more} more errors are not listed");
                 }
                 Err(Complaint { line, what })
             }
@@ -336,7 +336,7 @@ fn quoted(message: &str) -> Vec<&str> {
 fn unknown_key(name: &str, known: &[&str]) -> String {
     match likely(name, known.iter().copied()) {
         Some(near) => format!("unknown key `{name}`: did you mean `{near}`?"),
-        None if known.is_empty() => format!("unknown key `{name}`: no key is known here"),
+        None if known.is_empty() => format!("unknown key `{name}`: no keys are allowed here"),
         None => format!("unknown key `{name}`; the keys here are `{}`", known.join("`, `")),
     }
 }
@@ -496,7 +496,7 @@ mod tests {
         assert!(found.what.ends_with("p.toml: the rest of the file was not checked"), "{}", found.what);
         let parts: String = (0..100).map(|_| "[[part]]\nlength_m = 0\n").collect();
         let found = refused(&format!("title = \"x\"\n{parts}"));
-        assert!(found.what.ends_with("p.toml: 79 more complaints are not listed"), "{}", found.what);
+        assert!(found.what.ends_with("p.toml: 79 more errors are not listed"), "{}", found.what);
     }
 
     #[test]

@@ -30,7 +30,7 @@ pub fn within(key: &str, value: f64, low: f64, high: f64) -> Result<f64, String>
 /// # Errors
 /// What is wrong with it.
 pub fn seconds(text: &str, low: f64, high: f64) -> Result<f64, String> {
-    let value: f64 = text.trim().parse().map_err(|_| "is not a number of seconds, as 0.4".to_owned())?;
+    let value: f64 = text.trim().parse().map_err(|_| "is not a number of seconds, such as 0.4".to_owned())?;
     bounded(value, low, high, " s")
 }
 

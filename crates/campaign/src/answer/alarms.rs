@@ -64,7 +64,8 @@ impl Alarms {
         }
         if let Some(jitter) = &found.jitters {
             let text = format!(
-                "the delay jitters by {:.0} ms from fix to fix; {:.2} m remain after its mean is removed",
+                "the delay jitters by {:.0} ms from fix to fix; an error of {:.2} m remains after its mean is \
+                 removed",
                 1e3 * jitter.standard_deviation_s,
                 jitter.remains_m
             );
@@ -76,7 +77,7 @@ impl Alarms {
         }
         if !found.bursts.is_empty() {
             let bursts = counted(found.bursts.len(), "burst");
-            self.raise(Alarm::Bursts, format!("{bursts} of fixes after a pause: they waited in a queue"));
+            self.raise(Alarm::Bursts, format!("{bursts} of fixes after a pause: the fixes waited in a queue"));
         }
         found.remarks.iter().for_each(|remark| self.raise(Alarm::DelayRemark, remark.clone()));
     }
@@ -102,7 +103,7 @@ impl Alarms {
     fn pair(&mut self, fit: &MeasuredDelay, out: &FlightLateness, varies: bool) {
         if let Some(rival) = fit.rival_s {
             let delay_ms = 1e3 * fit.delay_s.value;
-            let text = format!("{delay_ms:.0} and {:.0} ms explain it almost equally well", 1e3 * rival);
+            let text = format!("{delay_ms:.0} and {:.0} ms fit it almost equally well", 1e3 * rival);
             self.raise(Alarm::TwoDelaysFit, text);
         }
         let outliers = fit.outlier_share();
@@ -150,8 +151,8 @@ fn leap_seconds(terms: &[DelayTerm]) -> Vec<String> {
     };
     let words = |step: &DelayTerm| {
         format!(
-            "at {:.0} s the delay steps by {:.2} s, a whole second: one clock counts a leap second, or was set, and the \
-             other not",
+            "at {:.0} s the delay steps by {:.2} s, a whole second: one clock applied a leap second or was set, the \
+             other was not",
             step.at_s, step.size
         )
     };
@@ -162,8 +163,8 @@ fn leap_seconds(terms: &[DelayTerm]) -> Vec<String> {
 fn other_time_scale(apart_s: f64) -> Option<String> {
     (TIME_SCALES_APART_S[0]..TIME_SCALES_APART_S[1]).contains(&apart_s.abs()).then(|| {
         format!(
-            "position and velocity are {:.1} s apart, and GPS time is 18 s ahead of UTC (13 to 17 s before 2017): their stamps \
-             may be of different time scales",
+            "position and velocity are {:.1} s apart, and GPS time is 18 s ahead of UTC (13 to 17 s before 2017): \
+             their timestamps may be in different time scales",
             apart_s.abs()
         )
     })

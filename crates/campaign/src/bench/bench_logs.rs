@@ -59,7 +59,7 @@ impl ReadLog {
             (true, true) => Ok(Role::Both),
             (true, false) => Ok(Role::Encoder),
             (false, true) => Ok(Role::Sensor),
-            (false, false) => Err("neither encoder nor sensor is bound in this log".to_owned()),
+            (false, false) => Err("this log has neither an encoder nor a sensor channel".to_owned()),
         }
     }
 }
@@ -80,7 +80,7 @@ pub(super) fn find(order: &BenchOrder, library: &Library) -> Result<Vec<Source>,
     }
     if let Some(path) = &order.encoder {
         if sources.len() != 1 {
-            let what = format!("--encoder is for one log of a sensor, and there are {}", sources.len());
+            let what = format!("--encoder is for one log of a sensor, but there are {}", sources.len());
             return Err(CampaignError::Asked(what));
         }
         let encoder = below(path, false, true, library)?;

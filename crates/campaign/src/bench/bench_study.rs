@@ -95,7 +95,7 @@ fn bench_log(swing: &Swing, log: &ReadLog, logs: &[ReadLog]) -> BenchLog {
             Ok(Role::Both) => "encoder and sensor",
             Ok(Role::Encoder) => "encoder",
             Ok(Role::Sensor) => "sensor",
-            Err(_) => "not known",
+            Err(_) => "unknown",
         },
     };
     let loaded = log.loaded.as_ref().ok();

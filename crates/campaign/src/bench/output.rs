@@ -71,7 +71,7 @@ impl Writer<'_> {
         if let Some(path) = copy {
             let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
             let base = path.file_name().and_then(|n| n.to_str());
-            let base = base.ok_or_else(|| CampaignError::Asked(format!("{}: is not a file name", path.display())))?;
+            let base = base.ok_or_else(|| CampaignError::Asked(format!("{}: not a file name", path.display())))?;
             Store::open(folder)?.write(base, text.as_bytes(), Keep::Synced)?;
             // Keeps this card, because the card of an earlier sensor is removed.
             if folder.canonicalize().ok() == self.store.root().canonicalize().ok() {
@@ -199,7 +199,7 @@ fn remarks(notices: &Notices) -> String {
         let place = if n.place.is_empty() { String::new() } else { format!("{}: ", n.place) };
         line(&format!("# - {severity}{place}{}", n.text)) + "\n"
     };
-    format!("\n# Said when these records were combined:\n{}", notices.iter().map(remark).collect::<String>())
+    format!("\n# Notices when these records were combined:\n{}", notices.iter().map(remark).collect::<String>())
 }
 
 fn defect(path: &str, what: &str) -> CampaignError {

@@ -55,14 +55,18 @@ pub(super) fn pair(logs: &[ReadLog], encoder_is_stated: bool) -> Vec<Swing> {
 fn stated(logs: &[ReadLog]) -> Swing {
     let index = |is_encoder: bool| logs.iter().position(|l| l.source.is_stated_encoder == is_encoder);
     let (Some(encoder), Some(sensor)) = (index(true), index(false)) else {
-        let reason = "one log of a sensor and one of an encoder are needed".to_owned();
+        let reason = "one log of a sensor and one log of an encoder are needed".to_owned();
         return Namer { logs }.swing(MadeOf::Nothing { logs: (0..logs.len()).collect(), reason });
     };
     let role = |log: usize| logs.get(log).map_or(Err("no log".to_owned()), ReadLog::role);
     let made_of = match (role(encoder), role(sensor)) {
         (Ok(Role::Both | Role::Encoder), Ok(Role::Both | Role::Sensor)) => MadeOf::Two { encoder, sensor },
-        (Ok(Role::Sensor), _) => nothing(vec![encoder, sensor], "the log of --encoder holds no encoder"),
-        (_, Ok(Role::Encoder)) => nothing(vec![encoder, sensor], "the record holds an encoder and no sensor"),
+        (Ok(Role::Sensor), _) => nothing(vec![encoder, sensor], "the --encoder log has no encoder channel"),
+        (_, Ok(Role::Encoder)) => nothing(
+            vec![encoder, sensor],
+            "the record has an encoder channel, but no sensor \
+            channel",
+        ),
         (Err(reason), _) | (_, Err(reason)) => nothing(vec![encoder, sensor], reason),
     };
     Namer { logs }.swing(made_of)
@@ -139,11 +143,14 @@ fn two_logs(logs: &[ReadLog], encoders: Vec<Log>, sensors: Vec<Log>) -> Vec<Made
     let (e, s) = (encoders.len(), sensors.len());
     for log in encoders.iter().chain(&sensors).filter(|log| !paired.contains(log)) {
         let reason = match (encoders.contains(log), e, s) {
-            (true, _, 0) => "it holds an encoder, and its folder has no log of a sensor".to_owned(),
-            (false, 0, _) => "it holds no encoder, and its folder has no log of one (or give --encoder)".to_owned(),
+            (true, _, 0) => "it has an encoder channel, but its folder has no log of a sensor".to_owned(),
+            (false, 0, _) => {
+                "it has no encoder channel, and its folder has no log of an encoder; give --encoder".to_owned()
+            }
             _ => format!(
-                "{e} logs of encoders and {s} of sensors lie in one folder: put each pair into a folder of its own, or \
-                 let their names begin alike, as swing-1-encoder and swing-1-sensor"
+                "{e} logs of encoders and {s} of sensors are in one folder: put each pair into its own folder, or \
+                 give the two logs of a pair the same first part of the name, such as swing-1-encoder and \
+                 swing-1-sensor"
             ),
         };
         made.push(nothing(vec![*log], reason));

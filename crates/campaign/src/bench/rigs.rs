@@ -35,7 +35,8 @@ fn sidecar(swing: &Swing, logs: &[ReadLog]) -> Result<PathBuf, CampaignError> {
         return Ok(found.clone());
     }
     let looked_for = tried.first().map(|p| p.display().to_string()).unwrap_or_default();
-    let what = format!("{}: no rig file: give --rig FILE, or put one into its folder ({looked_for})", swing.name);
+    let what =
+        format!("{}: no rig file: give --rig FILE, or put a rig file into its folder ({looked_for})", swing.name);
     Err(CampaignError::Asked(what))
 }
 
@@ -49,7 +50,7 @@ fn no_record(swings: &[Swing], logs: &[ReadLog]) -> Result<(), CampaignError> {
     match reasons {
         // For a single log, its row gives the reason.
         Some(reasons) if logs.len() > 1 => Err(CampaignError::Asked(format!(
-            "none of the {} logs is of a bench: {}",
+            "none of the {} logs is a bench record: {}",
             logs.len(),
             why_no_logs(reasons.iter().map(|(name, why)| (name.as_str(), why.as_str())))
         ))),

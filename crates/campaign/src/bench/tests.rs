@@ -267,11 +267,11 @@ fn invalid_requests_are_rejected_before_anything_is_measured() {
     std::fs::write(path.join("logs/pair/any.rig.toml"), rig(&simulated(1), "2")).unwrap();
     refused(
         &BenchOrder { rig: None, ..order(path, &["logs"], "out") },
-        "different sensors by their rig files: serial `1` and `2`",
+        "different sensors according to their rig files: serial `1` and `2`",
     );
     std::fs::write(path.join("bad.rig.toml"), "schema = 1\ncolour = 2\n").unwrap();
     refused(&BenchOrder { rig: Some(path.join("bad.rig.toml")), ..order(path, &["logs"], "out") }, "bad.rig.toml:");
-    refused(&order(path, &["logs"], "logs/out"), "must not hold one another");
+    refused(&order(path, &["logs"], "logs/out"), "must not be inside the folder of the logs");
     refused(&order(path, &["nothing"], "out"), "nothing");
     let two = BenchOrder { encoder: Some(path.join("logs/pair/enc.csv")), ..order(path, &["logs"], "out") };
     refused(&two, "--encoder is for one log");

@@ -53,7 +53,7 @@ impl AppliesTo {
     fn flight(&self, flight: &str) -> Applying {
         match self.flights.is_empty() || any_matches(&self.flights, flight) {
             true => Applying::Yes,
-            false => Applying::No(format!("meant for flights called {}", self.flights.join(", "))),
+            false => Applying::No(format!("applies to flights called {}", self.flights.join(", "))),
         }
     }
 
@@ -64,7 +64,7 @@ impl AppliesTo {
             Some(binding) if any_matches(&self.maps, &binding.map) => Applying::Yes,
             Some(binding) => {
                 let maps = self.maps.join(", ");
-                Applying::No(format!("meant for logs read with the map {maps}; this one is read with {}", binding.map))
+                Applying::No(format!("applies to logs read with the map {maps}; this one is read with {}", binding.map))
             }
         }
     }
@@ -77,7 +77,7 @@ impl AppliesTo {
         let holds = |wanted: &&String| binding.channels.iter().any(|c| matches(wanted, &c.name));
         match self.channels.iter().find(|wanted| !holds(wanted)) {
             None => Applying::Yes,
-            Some(missing) => Applying::No(format!("meant for flights with {missing}")),
+            Some(missing) => Applying::No(format!("applies to flights with {missing}")),
         }
     }
 
@@ -92,10 +92,10 @@ impl AppliesTo {
         };
         match self.duration_at_least_s {
             _ if self.reference && replay.pair.reference.is_none() => {
-                Applying::No("meant for flights with a reference to score against".to_owned())
+                Applying::No("applies to flights with a reference to score against".to_owned())
             }
             Some(least) if replay.coverage.duration_s < least => {
-                Applying::No(format!("meant for flights of at least {least} s"))
+                Applying::No(format!("applies to flights of at least {least} s"))
             }
             _ => Applying::Yes,
         }

@@ -7,7 +7,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 use toml::Spanned;
 
-/// Criteria that flights are judged by.
+/// Acceptance criteria of flights.
 #[derive(Debug, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
@@ -43,17 +43,17 @@ pub(super) struct CriterionTable {
     /// The measured quantity.
     #[cfg_attr(feature = "schema", schemars(with = "MetricName"))]
     pub(super) metric: Spanned<String>,
-    /// With a metric of a compensator: its name, as `raw`, `pade-1-1` (the paper's) or `exact-async`.
+    /// With a metric of a compensator: its name, such as `raw`, `pade-1-1` (of the paper) or `exact-async`.
     #[cfg_attr(feature = "schema", schemars(with = "Option<String>"))]
     pub(super) compensator: Option<Spanned<String>>,
-    /// With a metric of a channel: its name, as `position.gps`. With a delay: the late channel, default the replayed
-    /// one.
+    /// With a metric of a channel: its name, such as `position.gps`. With a delay: the late channel. Default: the
+    /// replayed one.
     #[cfg_attr(feature = "schema", schemars(with = "Option<String>"))]
     pub(super) channel: Option<Spanned<String>>,
     /// With a delay: the channel to compare with. Default: the replayed one.
     #[cfg_attr(feature = "schema", schemars(with = "Option<String>"))]
     pub(super) against: Option<Spanned<String>>,
-    /// Upper limit: a number and its unit, as "150 ms"; counts and ratios are bare numbers.
+    /// Upper limit: a number and its unit, such as "150 ms"; counts and ratios have no unit.
     #[cfg_attr(feature = "schema", schemars(with = "Option<LimitText>"))]
     pub(super) at_most: Option<Spanned<toml::Value>>,
     /// Lower limit.
@@ -80,7 +80,7 @@ pub(super) struct CriterionTable {
 #[serde(untagged)]
 #[allow(dead_code)]
 enum LimitText {
-    /// With a unit, as "150 ms".
+    /// With a unit, such as "150 ms".
     WithUnit(String),
     /// A count or a ratio.
     Bare(f64),
@@ -92,9 +92,9 @@ enum LimitText {
 #[serde(rename_all = "kebab-case")]
 #[allow(dead_code)]
 enum DecisionName {
-    /// 95 % interval entirely within the limit: PASS; entirely beyond: FAIL; else INCONCLUSIVE.
+    /// 95 % interval entirely inside the limit: PASS; entirely outside: FAIL; otherwise INCONCLUSIVE.
     Interval,
-    /// Only the value decides; wrong in half of all cases where the truth is at the limit.
+    /// Only the value decides. The verdict is wrong in half of all cases where the truth is at the limit.
     Value,
 }
 
@@ -106,7 +106,7 @@ pub(super) struct AppliesTable {
     /// Names of flights: paths below the folder of flights.
     #[cfg_attr(feature = "schema", schemars(with = "Option<Vec<String>>"))]
     pub(super) flights: Option<Spanned<Vec<String>>>,
-    /// Channel maps that they were read with.
+    /// Channel maps with which they were read.
     #[cfg_attr(feature = "schema", schemars(with = "Option<Vec<String>>"))]
     pub(super) maps: Option<Spanned<Vec<String>>>,
     /// Channels that the flight must have, all of them.
@@ -115,7 +115,7 @@ pub(super) struct AppliesTable {
     /// `true`: only flights with a reference to score against.
     #[cfg_attr(feature = "schema", schemars(with = "Option<bool>"))]
     pub(super) reference: Option<Spanned<bool>>,
-    /// Only flights of at least this duration, as "60 s".
+    /// Only flights of at least this duration, such as "60 s".
     #[cfg_attr(feature = "schema", schemars(with = "Option<LimitText>"))]
     pub(super) duration_at_least: Option<Spanned<toml::Value>>,
 }

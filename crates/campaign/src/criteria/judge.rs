@@ -34,8 +34,9 @@ impl Reading {
     }
 }
 
-const NO_UNCERTAINTY: &str = "the record gives no uncertainty of this number, so that its 95 % interval is not known (a flight that is short against \
-     what its errors remember gives none: fly longer); decision = \"value\" would compare the number alone";
+const NO_UNCERTAINTY: &str = "the record gives no uncertainty of this number, so its 95 % interval is unknown. This \
+    happens in a flight that is short compared with the correlation time of its errors: fly longer. decision = \
+    \"value\" compares the number alone";
 
 /// The verdict, and its reason where numbers and rule do not show it.
 pub(super) fn judge(reading: &Reading, limit: Limit, rule: DecisionRule) -> (CriterionVerdict, &'static str) {

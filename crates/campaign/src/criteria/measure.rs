@@ -95,7 +95,7 @@ impl Subject<'_> {
 /// Why there is no replay.
 fn no_replay(record: &FlightRecord) -> String {
     match &record.outcome {
-        Outcome::Compensated => "the record holds no replay".to_owned(),
+        Outcome::Compensated => "the record has no replay".to_owned(),
         Outcome::Uncompensated { reason } => format!("nothing was removed: {reason}"),
         Outcome::NotMeasurable { reason } => format!("the flight was not compensated: {reason}"),
         Outcome::Pending { reason } => format!("pending: {reason}"),
@@ -135,7 +135,7 @@ impl<'a> Subject<'a> {
 
     fn rate(&self, channel: &str) -> Result<Reading, String> {
         let channels = self.record.binding.as_ref().map(|b| b.channels.as_slice()).unwrap_or_default();
-        let rate = rate_of(channels, channel).ok_or_else(|| format!("{channel} has too few stamps for a rate"))?;
+        let rate = rate_of(channels, channel).ok_or_else(|| format!("{channel} has too few timestamps for a rate"))?;
         Ok(Reading::plain(rate))
     }
 
@@ -143,7 +143,7 @@ impl<'a> Subject<'a> {
         let all = &self.replay()?.compensators;
         all.iter().find(|c| c.name == name).ok_or_else(|| {
             let ran: Vec<&str> = all.iter().map(|c| c.name.as_str()).collect();
-            format!("{name} did not run on this flight; those that did: {}", ran.join(", "))
+            format!("{name} did not run on this flight; these did: {}", ran.join(", "))
         })
     }
 
@@ -153,8 +153,8 @@ impl<'a> Subject<'a> {
 
     fn error_of(&self, name: &str, of: impl Fn(&CompensatorResult) -> Option<Estimate>) -> Result<Estimate, String> {
         let no_error = match self.replay()?.pair.reference {
-            None => "the log holds no reference to score against",
-            Some(_) => "the record holds no such error",
+            None => "the log has no reference to score against",
+            Some(_) => "the record has no such error",
         };
         of(self.compensator_called(name)?).ok_or_else(|| no_error.to_owned())
     }
@@ -178,7 +178,7 @@ impl<'a> Subject<'a> {
 
     fn step_at_fix(&self) -> Result<Reading, String> {
         let step = self.compensator()?.step_at_fix_rms_m;
-        step.map(Reading::uncertain).ok_or_else(|| "the record holds no step at a fix".to_owned())
+        step.map(Reading::uncertain).ok_or_else(|| "the record has no step at a fix".to_owned())
     }
 
     /// The selected pair of this kind: as named, else the replayed one, else the only one.
@@ -196,7 +196,7 @@ impl<'a> Subject<'a> {
             ([only], ..) | (_, Some(only), None) => Ok(only),
             (several, ..) => {
                 let names: Vec<String> = several.iter().map(|p| format!("{} against {}", p.first, p.second)).collect();
-                Err(format!("several pairs fit, name one with channel and against: {}", names.join("; ")))
+                Err(format!("several pairs fit; name one with channel and against: {}", names.join("; ")))
             }
         }
     }
@@ -227,7 +227,7 @@ impl<'a> Subject<'a> {
     fn score(&self) -> Result<&'a CompensatorScore, String> {
         // If this one did not run, the error names those that did.
         let name = &self.compensator()?.name;
-        let scores = self.replay()?.scores.as_ref().ok_or("the record holds no scores")?;
+        let scores = self.replay()?.scores.as_ref().ok_or("the record has no scores")?;
         scores.compensators.iter().find(|c| c.name == *name).ok_or_else(|| format!("{name} was not scored"))
     }
 
@@ -249,7 +249,7 @@ impl<'a> Subject<'a> {
 
     fn residual_delay(&self) -> Result<Reading, String> {
         if self.replay()?.choice.as_ref().is_some_and(|choice| choice.circular) {
-            let why = "the removed delay was measured in this flight, so the residual is zero by construction";
+            let why = "the removed delay was measured in this same flight, so the residual is zero by construction";
             return Err(why.to_owned());
         }
         known(&self.score()?.residual_delay).map(|found| Reading::within(found.delay_s, found.interval_95_s))
@@ -257,14 +257,14 @@ impl<'a> Subject<'a> {
 
     fn motion_share(&self, of: impl Fn([f64; 3]) -> f64) -> Result<Reading, String> {
         let shares = known(&self.score()?.band)?.motion_share;
-        let shares = shares.ok_or("how the motion is spread over frequency is not known")?;
+        let shares = shares.ok_or("the spectrum of the motion is unknown")?;
         Ok(Reading::plain(of(shares)))
     }
 
     fn onboard(&self) -> Result<Reading, String> {
         let name = &self.compensator()?.name;
         let onboard = self.replay()?.onboard.as_ref();
-        let onboard = known(onboard.ok_or("the log holds no position that was compensated in flight")?)?;
+        let onboard = known(onboard.ok_or("the log has no position that was compensated in flight")?)?;
         let against = onboard.against.iter().find(|a| a.name == *name);
         Ok(Reading::plain(against.ok_or_else(|| format!("{name} was not compared with it"))?.rms_m))
     }
@@ -277,9 +277,9 @@ impl<'a> Subject<'a> {
         let sweep = self.sweep()?;
         if as_error != matches!(sweep.score, SweepScore::ErrorAgainst(_)) {
             let why = if as_error {
-                "the log holds no reference to score against"
+                "the log has no reference to score against"
             } else {
-                "the log holds a reference: take error-at-bench-value"
+                "the log has a reference: use error-at-bench-value"
             };
             return Err(why.to_owned());
         }
@@ -311,7 +311,7 @@ impl<'a> Subject<'a> {
 
     fn normalised_difference(&self) -> Result<Reading, String> {
         let (found, bench) = self.found_and_bench()?;
-        let unknown = |what| format!("no uncertainty of the delay {what} is known, so that E_n is not defined");
+        let unknown = |what| format!("the uncertainty of the delay {what} is unknown, so E_n is not defined");
         let u = found.standard_uncertainty.ok_or_else(|| unknown("of the flight"))?;
         let v = bench.standard_uncertainty.ok_or_else(|| unknown("of the bench"))?;
         Ok(Reading::plain((found.value - bench.value).abs() / (2.0 * u.hypot(v))))
@@ -383,7 +383,7 @@ fn expanded_uncertainty(found: &MeasuredDelay) -> Result<Reading, String> {
 fn change(found: &MeasuredDelay) -> Result<Reading, String> {
     let windows = found.over_time.len();
     let test = found.homogeneity.filter(|_| windows > 1);
-    let test = test.ok_or("this flight gives fewer than two windows of time with a delay of their own")?;
+    let test = test.ok_or("this flight has fewer than two time windows with a measured delay")?;
     let step = test.largest_step;
     let value = (step.after_s.value - step.before_s.value).abs();
     let both = step.before_s.standard_uncertainty.zip(step.after_s.standard_uncertainty);
@@ -419,5 +419,5 @@ fn share(part: f64, whole: f64, without: &str) -> Result<Reading, String> {
 
 fn longest_step(channel: &ChannelHealth) -> Result<Reading, String> {
     let steps = channel.stamps.as_ref().and_then(|s| s.steps_s);
-    Ok(Reading::plain(steps.ok_or("the channel has fewer than two stamps")?.max))
+    Ok(Reading::plain(steps.ok_or("the channel has fewer than two timestamps")?.max))
 }

@@ -140,8 +140,8 @@ pub const METRICS: &[MetricEntry] = {
             PLAIN,
             Nothing,
             Positive,
-            "1 if the delay was seen to change during the flight, 0 if it stays the same; not evaluated where the flight \
-             cannot tell.",
+            "1 if a change of the delay was detected during the flight, 0 if it stays the same; not evaluated if the \
+             flight does not show it.",
         ),
         entry(
             Metric::VelocityDelay,
@@ -181,7 +181,8 @@ pub const METRICS: &[MetricEntry] = {
             UNSURE,
             Nothing,
             Signed,
-            "Delay measured from the flight minus the delay that was removed: that of the sensor card or, without a card, of the pipeline. Both need an uncertainty.",
+            "Delay measured from the flight minus the delay that was removed: from the sensor card or, without a \
+             card, from the pipeline. Both need an uncertainty.",
         ),
         entry(
             Metric::DelayNormalisedDifference,
@@ -191,7 +192,8 @@ pub const METRICS: &[MetricEntry] = {
             PLAIN,
             Nothing,
             Positive,
-            "|E_n|: that difference, without its sign, over √(U² + U²), both with k = 2 (ISO 13528). At most 1 means that both agree. Needs an uncertainty of both.",
+            "|E_n|: magnitude of that difference over √(U² + U²), both with k = 2 (ISO 13528). At most 1 means that \
+             both agree. Both need an uncertainty.",
         ),
         entry(
             Metric::DelayChange,
@@ -201,7 +203,8 @@ pub const METRICS: &[MetricEntry] = {
             UNSURE,
             Pair,
             Positive,
-            "Step of the delay, without its sign, at that split of the flight in two where the delays before and after differ most. The interval is widened for the number of places where one was looked for.",
+            "Magnitude of the step of the delay where the flight is split in two so that the delays before and after \
+             differ most. The interval is widened for the number of splits that were tried.",
         ),
         entry(
             Metric::DelayExpandedUncertainty,
@@ -211,7 +214,7 @@ pub const METRICS: &[MetricEntry] = {
             PLAIN,
             Pair,
             Positive,
-            "Expanded uncertainty (k = 2) of the delay measured from the flight: how much this flight can say.",
+            "Expanded uncertainty (k = 2) of the delay measured from the flight.",
         ),
         entry(
             Metric::SmallestDetectableDelayChange,
@@ -221,7 +224,7 @@ pub const METRICS: &[MetricEntry] = {
             PLAIN,
             Pair,
             Positive,
-            "A change of the delay that this flight would show with 80 % probability in a test at 5 %.",
+            "Change of the delay that a test at 5 % would detect in this flight with a probability of 80 %.",
         ),
         entry(
             Metric::InjectionError,
@@ -241,7 +244,7 @@ pub const METRICS: &[MetricEntry] = {
             PLAIN,
             Pair,
             Range::Share,
-            "Share of the motion that is left once offset and drift are taken out: 0 in straight and steady flight.",
+            "Share of the motion that is left after offset and drift are removed: 0 in straight and steady flight.",
         ),
         entry(
             Metric::ErrorRms,
@@ -271,7 +274,8 @@ pub const METRICS: &[MetricEntry] = {
             UNSURE,
             Compensator,
             Positive,
-            "2-D rms error of a compensator over that of the raw position: below 1 it helps. The uncertainty is the largest that any correlation of the two permits.",
+            "2-D rms error of a compensator over that of the raw position: below 1 it helps. The uncertainty is the \
+             largest for any correlation of the two.",
         ),
         entry(
             Metric::CorrectionRms,
@@ -331,7 +335,9 @@ pub const METRICS: &[MetricEntry] = {
             UNSURE,
             Compensator,
             Signed,
-            "How late the output of a compensator still is against integrated velocity: nothing, if all was removed. Not evaluated where the removed delay was found in the very flight, for then it is zero by construction.",
+            "How late the output of a compensator still is against integrated velocity: zero if everything was \
+             removed. Not evaluated where the removed delay was measured in the same flight, because it is then zero \
+             by construction.",
         ),
         entry(
             Metric::ResidualDelayAgainstReference,
@@ -346,12 +352,13 @@ pub const METRICS: &[MetricEntry] = {
         entry(
             Metric::LeadError,
             "lead-error",
-            "Lead less the delay given",
+            "Lead minus the delay given",
             Time,
             UNSURE,
             Compensator,
             Signed,
-            "Distance along the track by which the output leads the raw position, divided by the ground speed, less the delay that the compensator was given.",
+            "Distance along the track by which the output leads the raw position, divided by the ground speed, minus \
+             the delay that the compensator was given.",
         ),
         entry(
             Metric::StepCorrelation,
@@ -371,7 +378,8 @@ pub const METRICS: &[MetricEntry] = {
             UNSURE,
             Compensator,
             Signed,
-            "Offset along the track between passes over the same place in opposite directions: positive if each trails, as a late position does.",
+            "Offset along the track between passes over the same place in opposite directions: positive if both \
+             trail, as a late position does.",
         ),
         entry(
             Metric::StraightAcrossRms,
@@ -381,7 +389,7 @@ pub const METRICS: &[MetricEntry] = {
             UNSURE,
             Compensator,
             Positive,
-            "How far a compensator moves the position sideways on straight legs, rms, where there is nothing to move.",
+            "How far a compensator moves the position sideways on straight legs, rms, where it should not move it.",
         ),
         entry(
             Metric::StraightNoiseRatio,
@@ -391,7 +399,7 @@ pub const METRICS: &[MetricEntry] = {
             UNSURE,
             Compensator,
             Positive,
-            "Noise of a compensator's output over that of raw on straight legs: above 1 it adds noise.",
+            "Noise of a compensator's output over the raw noise on straight legs: above 1 it adds noise.",
         ),
         entry(
             Metric::MotionHelpedShare,
@@ -416,12 +424,13 @@ pub const METRICS: &[MetricEntry] = {
         entry(
             Metric::OnboardDifferenceRms,
             "onboard-difference-rms",
-            "On-board position less replay, 2‑D rms",
+            "Onboard position minus replay, 2‑D rms",
             Length,
             PLAIN,
             Compensator,
             Positive,
-            "Compensated position that the aircraft computed in flight less what the replay of a compensator gives, 2-D rms after the start.",
+            "Compensated position that the aircraft computed in flight minus the replay of a compensator, 2-D rms \
+             after the start.",
         ),
         entry(
             Metric::ErrorAtBenchValue,
@@ -431,7 +440,8 @@ pub const METRICS: &[MetricEntry] = {
             UNSURE,
             Nothing,
             Positive,
-            "2-D rms error against the reference of the exact form with the delay of the sensor card, whichever delay was removed: would this flight have met the limit at the bench value?",
+            "2-D rms error against the reference of the exact form with the delay of the sensor card, whichever \
+             delay was removed: would this flight meet the limit with the bench value?",
         ),
         entry(
             Metric::StepAtBenchValue,
@@ -501,7 +511,7 @@ pub const METRICS: &[MetricEntry] = {
             PLAIN,
             Nothing,
             Positive,
-            "Fixes that jump against integrated velocity by more than five sigma of the fixes around.",
+            "Fixes that jump against integrated velocity by more than five sigma of the neighbouring fixes.",
         ),
         entry(
             Metric::BridgedGaps,
@@ -511,7 +521,7 @@ pub const METRICS: &[MetricEntry] = {
             PLAIN,
             Nothing,
             Positive,
-            "Velocity gaps that were short enough to be bridged.",
+            "Velocity gaps short enough to be bridged.",
         ),
         entry(
             Metric::Restarts,
@@ -556,12 +566,12 @@ pub const METRICS: &[MetricEntry] = {
         entry(
             Metric::ChannelLongestStep,
             "channel-longest-step",
-            "Longest step between stamps",
+            "Longest step between timestamps",
             Time,
             PLAIN,
             Channel,
             Positive,
-            "Longest time between two stamps of a channel.",
+            "Longest time between two timestamps of a channel.",
         ),
         entry(
             Metric::ChannelUsedShare,
@@ -591,7 +601,7 @@ pub const METRICS: &[MetricEntry] = {
             PLAIN,
             Nothing,
             Range::Share,
-            "The same as a share of the log.",
+            "Share of the bytes of the log that could not be read or failed a checksum.",
         ),
         entry(
             Metric::MessagesUndecodable,

@@ -51,10 +51,10 @@ struct Checker<'a> {
 impl Checker<'_> {
     fn resolve(&self, written: CriteriaFile) -> Result<Criteria, Refused> {
         if *written.schema.get_ref() != 1 {
-            return Err(self.fault(&written.schema, "schema must be 1, the only version that this flightlag knows"));
+            return Err(self.fault(&written.schema, "schema must be 1, the only version that this release supports"));
         }
         if written.criterion.is_empty() {
-            return Err(self.file.reject_whole("holds no [[criterion]]: a flight could not be judged by it"));
+            return Err(self.file.reject_whole("no [[criterion]] found: add at least one"));
         }
         let unique = self.no_id_twice(&written.criterion);
         let criteria: Vec<_> = written.criterion.into_iter().map(|c| self.criterion(c)).collect();
@@ -68,7 +68,7 @@ impl Checker<'_> {
         let mut unique = Ok(());
         for id in criteria.iter().map(|c| &c.get_ref().id) {
             if let Some(line) = lines.insert(id.get_ref(), self.file.line_of(id)) {
-                let what = format!("id \"{}\" is that of the criterion on line {line} too", id.get_ref());
+                let what = format!("id \"{}\" is already used by the criterion on line {line}", id.get_ref());
                 unique = Err(self.fault(id, what));
             }
         }
@@ -105,7 +105,7 @@ impl Checker<'_> {
         let plain = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
         match !id.get_ref().is_empty() && id.get_ref().chars().all(plain) {
             true => Ok(()),
-            false => Err(self.fault(id, format!("id {:?} must be letters, digits, -, _ and . alone", id.get_ref()))),
+            false => Err(self.fault(id, format!("id {:?} may hold only letters, digits, -, _ and .", id.get_ref()))),
         }
     }
 
@@ -122,11 +122,12 @@ impl Checker<'_> {
     ) -> Result<Option<String>, Refused> {
         match (&table.compensator, entry.takes) {
             (None, Takes::Compensator) => {
-                let what = format!("missing key `compensator`: whose {}? As raw, pade-1-1 or exact-async", entry.name);
+                let what =
+                    format!("missing key `compensator` for {}: for example raw, pade-1-1 or exact-async", entry.name);
                 Err(self.fault(whole, what))
             }
             (Some(given), takes) if takes != Takes::Compensator => {
-                Err(self.fault(given, format!("compensator has no meaning for {}: leave it out", entry.name)))
+                Err(self.fault(given, format!("compensator has no meaning for {}: remove it", entry.name)))
             }
             (Some(given), _) => {
                 let name = recorded_name(given.get_ref()).map_err(|what| self.fault(given, what))?;
@@ -143,13 +144,14 @@ impl Checker<'_> {
     fn channels(&self, table: &CriterionTable, entry: &MetricEntry, whole: &Spanned<()>) -> Result<(), Refused> {
         let given = |name: &Option<Spanned<String>>, key: &str, allowed: bool| match name {
             Some(name) if !allowed => {
-                Err(self.fault(name, format!("{key} has no meaning for {}: leave it out", entry.name)))
+                Err(self.fault(name, format!("{key} has no meaning for {}: remove it", entry.name)))
             }
             Some(name) => self.is_channel(name, name.get_ref()),
             None => Ok(()),
         };
         if entry.takes == Takes::Channel && table.channel.is_none() {
-            let what = format!("missing key `channel`: name the channel of the {}, as \"position.gps\"", entry.name);
+            let what =
+                format!("missing key `channel`: name the channel of the {}, such as \"position.gps\"", entry.name);
             return Err(self.fault(whole, what));
         }
         given(&table.channel, "channel", matches!(entry.takes, Takes::Channel | Takes::Pair))?;
@@ -159,7 +161,7 @@ impl Checker<'_> {
     fn is_channel<T>(&self, at: &Spanned<T>, name: &str) -> Result<(), Refused> {
         match name.split_once('.').is_some_and(|(quantity, source)| !quantity.is_empty() && !source.is_empty()) {
             true => Ok(()),
-            false => Err(self.fault(at, format!("`{name}` is not a channel: they are called as `position.gps`"))),
+            false => Err(self.fault(at, format!("`{name}` is not a channel; names have the form `position.gps`"))),
         }
     }
 
@@ -198,7 +200,7 @@ impl Checker<'_> {
                 Ok((Limit::Between([low.si, high.si]), high))
             }
             (None, None, None) => Err(self.fault(whole, "a criterion needs a limit: at_most, at_least or between")),
-            _ => Err(self.fault(whole, "a criterion has one limit: at_most, at_least or between, and no more")),
+            _ => Err(self.fault(whole, "a criterion has only one limit: at_most, at_least or between")),
         }
     }
 
@@ -227,7 +229,7 @@ impl Checker<'_> {
             (None, true) => Ok(DecisionRule::Interval),
             (None, false) => Ok(DecisionRule::Plain),
             (Some(given), false) => {
-                let what = format!("decision has no meaning for {}: it has no uncertainty of its own", entry.name);
+                let what = format!("decision has no meaning for {}: this metric has no uncertainty", entry.name);
                 Err(self.fault(given, what))
             }
             (Some(given), true) => match given.get_ref().as_str() {
@@ -245,7 +247,7 @@ impl Checker<'_> {
             exact.into_iter().try_for_each(|name| self.is_channel(channels, name))?;
         }
         if let Some(reference) = reference.as_ref().filter(|r| !r.get_ref()) {
-            return Err(self.fault(reference, "applies_to.reference is true or left out"));
+            return Err(self.fault(reference, "applies_to.reference must be true; remove it otherwise"));
         }
         let resolved = AppliesTo {
             flights: self.names(flights, "flights")?,
@@ -255,7 +257,7 @@ impl Checker<'_> {
             duration_at_least_s: duration_at_least.as_ref().map(|d| self.duration(d)).transpose()?,
         };
         match resolved.is_everything() {
-            true => Err(self.fault(written, "applies_to is empty: leave it out for all flights")),
+            true => Err(self.fault(written, "applies_to is empty: remove it to include all flights")),
             false => Ok(resolved),
         }
     }
@@ -269,7 +271,13 @@ impl Checker<'_> {
     fn names(&self, written: &Option<Spanned<Vec<String>>>, key: &str) -> Result<Vec<String>, Refused> {
         let Some(list) = written else { return Ok(vec![]) };
         match list.get_ref().is_empty() || list.get_ref().iter().any(|name| name.trim().is_empty()) {
-            true => Err(self.fault(list, format!("applies_to.{key} needs at least one name, and no empty one"))),
+            true => Err(self.fault(
+                list,
+                format!(
+                    "applies_to.{key} needs at least one name, and names must not be \
+                empty"
+                ),
+            )),
             false => Ok(list.get_ref().clone()),
         }
     }

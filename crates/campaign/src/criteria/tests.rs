@@ -34,7 +34,7 @@ const SLIPS: [(&str, &str, usize, &str); 9] = [
 /// Metrics, the keys added to their criterion, the line of the complaint, and its text.
 const WRONG_KEYS: [(&str, &str, usize, &str); 30] = [
     ("delay", "", 2, "needs a limit"),
-    ("delay", "at_most = \"1 s\"\nat_least = \"0 s\"", 2, "has one limit"),
+    ("delay", "at_most = \"1 s\"\nat_least = \"0 s\"", 2, "has only one limit"),
     ("delay", "at_most = 150", 7, "150 has no unit: write a text with a number and one of the units s, ms"),
     ("delay", "at_most = \"150 m\"", 7, "`m` is not a unit"),
     ("delay", "at_most = \"1,5 s\"", 7, "decimal point, not a comma"),
@@ -48,7 +48,7 @@ const WRONG_KEYS: [(&str, &str, usize, &str); 30] = [
     ("delay", "at_most = \"1 s\"\napplies_to = {}", 8, "applies_to is empty"),
     ("delay", "at_most = \"1 s\"\napplies_to = { flights = [] }", 8, "applies_to.flights needs at least one name"),
     ("delay", "at_most = \"1 s\"\napplies_to = { channels = [\"gps\"] }", 8, "`gps` is not a channel"),
-    ("delay", "at_most = \"1 s\"\napplies_to = { reference = false }", 8, "true or left out"),
+    ("delay", "at_most = \"1 s\"\napplies_to = { reference = false }", 8, "must be true"),
     ("delay", "at_most = \"1 s\"\napplies_to = { duration_at_least = 60 }", 8, "60 has no unit"),
     ("delay", "at_most = \"1 s\"\napplies_to = { planes = [\"x\"] }", 8, "unknown key `planes`"),
     ("error-rms", "at_most = \"1 m\"", 2, "missing key `compensator`"),
@@ -58,7 +58,7 @@ const WRONG_KEYS: [(&str, &str, usize, &str); 30] = [
     ("error-ratio", "at_most = 1\ncompensator = \"raw\"", 8, "compares with raw"),
     ("channel-rate", "at_least = \"4 Hz\"", 2, "missing key `channel`"),
     ("position-rate", "at_least = \"4 Hz\"\nchannel = \"position.gps\"", 8, "channel has no meaning"),
-    ("position-rate", "at_least = \"4 Hz\"\ndecision = \"value\"", 8, "has no uncertainty of its own"),
+    ("position-rate", "at_least = \"4 Hz\"\ndecision = \"value\"", 8, "this metric has no uncertainty"),
     ("valid-share", "at_least = \"105 %\"", 7, "from 0 to 100 %"),
     ("valid-share", "at_least = 0.95", 7, "as \"5 %\""),
     ("restarts", "at_most = 1.5", 7, "not a count"),
@@ -79,8 +79,8 @@ fn a_typo_is_rejected_with_its_line_and_the_correct_form() {
         assert_refused(&good.replace(right, wrong), line, says);
     }
     let twice = format!("{good}[[criterion]]\nid = \"a\"\ntitle = \"t\"\nmetric = \"delay\"\nrationale = \"r\"\n");
-    assert_refused(&format!("{twice}at_most = \"2 s\"\n"), 9, "id \"a\" is that of the criterion on line 3 too");
-    assert!(parse("schema = 1\n").unwrap_err().what.contains("holds no [[criterion]]"));
+    assert_refused(&format!("{twice}at_most = \"2 s\"\n"), 9, "id \"a\" is already used by the criterion on line 3");
+    assert!(parse("schema = 1\n").unwrap_err().what.contains("no [[criterion]] found"));
     assert!(Criteria::read(Path::new("/nowhere/c.toml")).unwrap_err().what.starts_with("cannot be read"));
 }
 

@@ -57,7 +57,7 @@ impl Dimension {
             Dimension::Ratio => "a number without a unit".to_owned(),
             _ => {
                 let units: Vec<&str> = self.units().collect();
-                format!("a text with a number and one of the units {}, as \"5 {}\"", units.join(", "), units[0])
+                format!("a text with a number and one of the units {}, such as \"5 {}\"", units.join(", "), units[0])
             }
         }
     }

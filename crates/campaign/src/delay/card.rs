@@ -140,13 +140,16 @@ impl<'a> Reading<'a> {
         let file = self.used.name();
         let position = self.card.channels.iter().find(|c| c.name == name).ok_or_else(|| {
             let held: Vec<&str> = self.card.channels.iter().map(|c| c.name.as_str()).collect();
-            format!("{file}: the card has no channel {name}, which this flight replays; it has {}", held.join(", "))
+            format!(
+                "{file}: this flight replays the channel {name}, which is not on the card; the card has {}",
+                held.join(", ")
+            )
         })?;
         let delay = milliseconds(position.delay_s, position.delay_standard_uncertainty_s);
         let nothing = match position.verdict {
             Verdict::Delayed => return Ok(position),
             Verdict::Early => "early: only a late position can be compensated",
-            Verdict::EquivalentToZero => "equivalent to zero: there is nothing to remove",
+            Verdict::EquivalentToZero => "equivalent to zero: nothing to remove",
             Verdict::Inconclusive => "inconclusive: whether there is a delay to remove is unknown",
             Verdict::NotMeasurable => "not measurable: whether there is a delay to remove is unknown",
         };
@@ -161,8 +164,8 @@ impl<'a> Reading<'a> {
         let Some(velocity) = self.card.channels.iter().find(late) else { return };
         let shown = milliseconds(velocity.delay_s, velocity.delay_standard_uncertainty_s);
         let text = format!(
-            "{name} is {shown} ms late itself: the lateness of the position is removed all the same, and an error of \
-             acceleration times both delays is left"
+            "{name} is itself {shown} ms late: the lateness of the position is removed anyway, and an error of \
+             acceleration times both delays remains"
         );
         self.add_notice(Code::CardResidual.at(Severity::Info), text);
     }
@@ -175,11 +178,12 @@ impl<'a> Reading<'a> {
         }
         let slow_s = on_card.slow_motion_delay_s.or_else(|| only_lags(on_card));
         let slow = slow_s.map_or_else(
-            || "the card does not say how late slow motion is".to_owned(),
+            || "the card does not state how late slow motion is".to_owned(),
             |s| format!("slow motion is {:.1} ms late (delay and lags together)", 1e3 * s),
         );
         let text = format!(
-            "{} shows {}; it is removed as the pure delay that fits the bench's swing best, {:.1} ms, but {slow}",
+            "{} shows {}; it is removed as the pure delay that fits the swing on the bench best, {:.1} ms, but \
+             {slow}",
             on_card.name,
             on_card.model,
             1e3 * on_card.delay_s
@@ -190,7 +194,7 @@ impl<'a> Reading<'a> {
     fn warn_of_rig(&mut self, on_card: &CardChannel) {
         if !on_card.contradicted.is_empty() {
             let text = format!(
-                "{}: the bench puts its delay in doubt ({}): correct the named cause and measure again",
+                "{}: the bench marked its delay as doubtful ({}): correct the named cause and measure again",
                 on_card.name,
                 on_card.contradicted.join(", ")
             );
@@ -203,13 +207,13 @@ impl<'a> Reading<'a> {
         let text = match &position.basis {
             TimeBasis::OneClock | TimeBasis::Pps => return,
             TimeBasis::FastestArrivals => format!(
-                "{}: the fastest arrivals tied the clocks of the bench: the delay holds the least transport latency to its \
-                 logger",
+                "{}: the clocks of the bench were tied by the fastest arrivals: the delay includes the least \
+                 transport latency to the logger",
                 position.name
             ),
             TimeBasis::Anchor { channel } => format!(
-                "{}: the delay is relative to {channel}, which the bench took as on time: whatever {channel} is late \
-                 is missing in it",
+                "{}: the delay is relative to {channel}, which the bench assumed to be on time: the lateness of \
+                 {channel} is not included",
                 position.name
             ),
         };
@@ -220,12 +224,15 @@ impl<'a> Reading<'a> {
     fn warn_of_configuration(&mut self, on_card: &CardChannel, (name, channel): (&str, &Channel)) {
         let (kind, bench) = (channel.series.timeline().kind(), on_card.stamp_kind);
         if kind != bench {
-            let text = format!("{name}: this flight has {kind} stamps, the bench measured the delay of {bench} ones");
+            let text = format!(
+                "{name}: this flight has {kind} timestamps, but the bench measured the delay of \
+                {bench} ones"
+            );
             self.add_notice(Code::CardMismatch, text);
         }
         let rates = rate_of(&self.case.binding.channels, name).zip(on_card.update_rate_hz);
         if let Some((rate, bench)) = rates.filter(|(rate, bench)| (rate / bench - 1.0).abs() > RATE_TOLERANCE) {
-            let text = format!("{name}: updated at {rate:.2} Hz in this flight, at {bench:.2} Hz on the bench");
+            let text = format!("{name}: updates at {rate:.2} Hz in this flight, at {bench:.2} Hz on the bench");
             self.add_notice(Code::CardConditions, text);
         }
     }
@@ -237,21 +244,20 @@ impl<'a> Reading<'a> {
         match Validity::of(self.card, self.days) {
             Validity::Valid | Validity::Unlimited => String::new(),
             Validity::DayUnknown => {
-                let text = "no timestamp of this flight has a date: whether the card is valid is unknown";
+                let text = "no timestamp of this flight has a date, so it is unknown whether the card is valid";
                 self.add_notice(Code::CardConditions, text.to_owned());
-                "; the day of the flight is not known".to_owned()
+                "; the day of the flight is unknown".to_owned()
             }
             Validity::Expired(until) => {
-                let text = format!("flown on {flown}, but the card expired on {until}: its delay is used all the same");
+                let text = format!("flown on {flown}, but the card expired on {until}: its delay is used anyway");
                 self.add_notice(Code::CardMismatch, text);
                 format!("; EXPIRED on {until}")
             }
             Validity::NotYet(from) => {
-                let text = format!(
-                    "flown on {flown}, before the card becomes valid on {from}: its delay is used nevertheless"
-                );
+                let text =
+                    format!("flown on {flown}, before the card becomes valid on {from}: its delay is used anyway");
                 self.add_notice(Code::CardMismatch, text);
-                format!("; NOT YET VALID, from {from} on")
+                format!("; NOT YET VALID, only from {from} on")
             }
         }
     }

@@ -104,7 +104,7 @@ fn pooled(rows: &[&FlightRow]) -> Finding<PooledSweep> {
     let low = all.iter().filter_map(|(s, _)| s.delay_s.first()).copied().fold(f64::NEG_INFINITY, f64::max);
     let high = all.iter().filter_map(|(s, _)| s.delay_s.last()).copied().fold(f64::INFINITY, f64::min);
     if high - low < LEAST_SHARED_S {
-        return Finding::CannotTell("the flights were swept over delays that they do not share".to_owned());
+        return Finding::CannotTell("the delay sweeps of the flights have no delays in common".to_owned());
     }
     let delay_s: Vec<f64> = (0..POINTS).map(|k| low + (high - low) * k as f64 / (POINTS - 1) as f64).collect();
     let (mut squares, mut weights, mut flights, mut samples) = (vec![0.0; POINTS], 0.0, 0, 0);

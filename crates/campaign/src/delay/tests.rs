@@ -169,12 +169,12 @@ fn a_lag_removed_as_a_delay_warns_of_the_lateness_of_slow_motion() {
     let lagged = CardChannel { lags_s: vec![0.1], model: "delay and first-order lag".into(), ..position };
     card.channels[0] = CardChannel { slow_motion_delay_s: Some(0.43), ..lagged.clone() };
     let text = source(&card);
-    assert!(text.contains("fits the bench's swing best, 400.0 ms, but slow motion is 430.0 ms late"), "{text}");
+    assert!(text.contains("fits the swing on the bench best, 400.0 ms, but slow motion is 430.0 ms late"), "{text}");
     // Older cards: for a pure lag it follows from the lag, for a delay with a lag it does not.
     card.channels[0] = CardChannel { model: "first-order lag (2 of 3 records)".into(), ..lagged.clone() };
     assert!(source(&card).contains("slow motion is 100.0 ms late"));
     card.channels[0] = lagged;
-    assert!(source(&card).contains("the card does not say how late slow motion is"));
+    assert!(source(&card).contains("the card does not state how late slow motion is"));
 }
 
 #[test]
@@ -192,14 +192,14 @@ fn a_card_without_the_replayed_channel_is_rejected_with_its_channels() {
     card.channels[0].name = "position.ins".into();
     assert_eq!(
         usual().with(&card).unwrap_err(),
-        "m.card.toml: the card has no channel position.gps, which this flight replays; it has position.ins, velocity.ins"
+        "m.card.toml: this flight replays the channel position.gps, which is not on the card; the card has position.ins, velocity.ins"
     );
 }
 
 #[test]
 fn a_zero_or_unknown_delay_is_not_removed() {
     for (verdict, delay_s, says) in [
-        (Verdict::EquivalentToZero, 0.0002, "equivalent to zero: there is nothing to remove"),
+        (Verdict::EquivalentToZero, 0.0002, "equivalent to zero: nothing to remove"),
         (Verdict::Inconclusive, 0.01, "inconclusive"),
         (Verdict::NotMeasurable, 0.01, "not measurable"),
         (Verdict::Early, -0.1, "early"),

@@ -29,7 +29,7 @@ impl Cache {
         }
         let wanted = CACHE.get().cloned().unwrap_or_default();
         let folder = wanted.folder.or_else(usual_folder).ok_or_else(|| {
-            io::Error::other("no folder for copies of logs: neither XDG_CACHE_HOME nor HOME is set; give --cache DIR")
+            io::Error::other("no folder for copies of logs: XDG_CACHE_HOME and HOME are not set; give --cache DIR")
         })?;
         let cache = Cache::new(&folder, wanted.most_bytes)
             .map_err(|e| io::Error::new(e.kind(), format!("the cache of logs {}: {e}", folder.display())))?;
@@ -105,7 +105,11 @@ impl Cache {
                 let to = object.bytes.min(from + PIECE);
                 let piece = bucket.read_piece(name, &object.tag, from..to)?;
                 if piece.len() as u64 != to - from {
-                    return Err(io::Error::new(io::ErrorKind::TimedOut, "the answer is too short; try again"));
+                    return Err(io::Error::new(
+                        io::ErrorKind::TimedOut,
+                        "the answer of the server is too short; try \
+                        again",
+                    ));
                 }
                 file.write_all(&piece)?;
                 from = to;

@@ -83,18 +83,18 @@ impl View {
         let failed = |doing| move |source| StoreError { path: address.to_owned(), doing, source };
         let mut found = view.bucket.list("").map_err(failed("list"))?;
         if found.is_empty() {
-            let one = view.bucket.describe("").map_err(failed("look at"))?;
+            let one = view.bucket.describe("").map_err(failed("read the status of"))?;
             found.extend(one.map(|object| (String::new(), object)));
         }
         if found.is_empty() {
-            let what = "no object has this name or lies below it";
+            let what = "no object has this name or this prefix";
             return Err(CampaignError::Asked(format!("{}: {what}", address.display())));
         }
         let above: BTreeSet<String> = found.iter().flat_map(|(name, _)| folders_of(name)).collect();
         // Some programs mark a folder with an empty object of its name.
         found.retain(|(name, object)| object.bytes > 0 || !above.contains(name));
         if let Some((name, _)) = found.iter().find(|(name, _)| above.contains(name)) {
-            let what = "is an object, and a folder of others; no file can be both";
+            let what = "is both an object and a prefix of others; no file can be both";
             return Err(CampaignError::Asked(format!("{}: {what}", view.bucket.url_of(name))));
         }
         for (name, object) in found {
@@ -165,7 +165,7 @@ impl View {
     }
 
     fn look_at(&self, local: &Path) -> io::Result<Object> {
-        let gone = || io::Error::new(io::ErrorKind::NotFound, "there is no such object any more");
+        let gone = || io::Error::new(io::ErrorKind::NotFound, "the object no longer exists");
         let object = self.bucket.describe(&self.name_of(local))?.ok_or_else(gone)?;
         locked(&self.objects).insert(local.to_owned(), object.clone());
         Ok(object)

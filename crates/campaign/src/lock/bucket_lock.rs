@@ -54,7 +54,7 @@ pub(super) fn take(
             return Ok(OutputLock::with_heart(move |stopped| beat(&own, mine, tag, &fence, stopped)));
         }
     }
-    Err(CampaignError::TryAgain(format!("{}: several runs want this output at once", root.display())))
+    Err(CampaignError::TryAgain(format!("{}: several runs want to write this output at the same time", root.display())))
 }
 
 /// The owner of the lock, if it is running.
@@ -68,20 +68,20 @@ fn at_work(
     if owner.as_ref().is_some_and(|owner| owner.released) {
         return Ok(None);
     }
-    let name = owner.as_ref().map_or("its process is not known", |owner| owner.owner.as_str());
+    let name = owner.as_ref().map_or("its process is unknown", |owner| owner.owner.as_str());
     let remark = |why: &str| {
         context.send(Event::Remark { text: format!("the lock of this output is taken over: {name} {why}") })
     };
     if owner.as_ref().and_then(Owner::has_ended) == Some(true) {
-        remark("has ended without letting go");
+        remark("has ended without releasing it");
         return Ok(None);
     }
     let silent = storage.server_time()?.duration_since(object.modified).unwrap_or_default();
     if silent >= SILENCE {
-        remark(&format!("was silent for {} min by the clock of the server", silent.as_secs() / 60));
+        remark(&format!("was silent for {} min, by the clock of the server", silent.as_secs() / 60));
         return Ok(None);
     }
-    Ok(Some(format!("{name}; it was at work {} s ago", silent.as_secs())))
+    Ok(Some(format!("{name}; it was active {} s ago", silent.as_secs())))
 }
 
 /// Rewrites the lock until it is released, or another run has taken it over.

@@ -84,7 +84,12 @@ impl Bucket {
     /// Parses `s3://BUCKET/PREFIX`. Sends no request.
     pub(crate) fn of_url(path: &Path) -> io::Result<Bucket> {
         let wrong = |what: &str| io::Error::new(io::ErrorKind::InvalidInput, what.to_owned());
-        let text = path.to_str().and_then(|text| text.strip_prefix(SCHEME)).ok_or_else(|| wrong("no s3:// address"))?;
+        let text = path.to_str().and_then(|text| text.strip_prefix(SCHEME)).ok_or_else(|| {
+            wrong(
+                "not an s3:// \
+            address",
+            )
+        })?;
         let (name, prefix) = text.split_once('/').unwrap_or((text, ""));
         if name.is_empty() {
             return Err(wrong("no bucket is named: s3://BUCKET/PREFIX"));
@@ -232,7 +237,7 @@ fn described(meta: &ObjectMeta) -> io::Result<Object> {
 }
 
 fn no_tag() -> io::Error {
-    let what = "the server gives objects no ETag, without which a changed object is not noticed";
+    let what = "the server sends no ETag with objects, so a changed object would not be noticed";
     io::Error::new(io::ErrorKind::Unsupported, what)
 }
 
@@ -252,11 +257,9 @@ fn io_error(error: &Error) -> io::Error {
     let (kind, advice) = match error {
         Error::NotFound { .. } => (io::ErrorKind::NotFound, ""),
         Error::PermissionDenied { .. } | Error::Unauthenticated { .. } => {
-            (io::ErrorKind::PermissionDenied, "; trying again does not help, other keys or another policy may")
+            (io::ErrorKind::PermissionDenied, "; use other keys or another policy: trying again will not help")
         }
-        Error::Generic { .. } if !is_refusal(&text) => {
-            (io::ErrorKind::TimedOut, "; the server may answer later: try again")
-        }
+        Error::Generic { .. } if !is_refusal(&text) => (io::ErrorKind::TimedOut, "; try again later"),
         _ => (io::ErrorKind::Other, ""),
     };
     io::Error::new(kind, format!("{text}{advice}"))

@@ -65,7 +65,10 @@ impl Fence {
 
     fn check(&self) -> io::Result<()> {
         let what = match *self.0.lock().unwrap_or_else(PoisonError::into_inner) {
-            Some(Renewed::TakenOver) => "another flightlag took over this output, for this one was silent for too long",
+            Some(Renewed::TakenOver) => {
+                "another flightlag took over this output, because this one was silent for \
+                too long"
+            }
             Some(Renewed::At(at)) if at.elapsed() > UNSURE => "the lock of this output could not be renewed",
             _ => return Ok(()),
         };
@@ -89,8 +92,8 @@ impl BucketStorage {
             && self.bucket.write(&name, b"two", Written::IfAbsent)?.is_none()
             && self.bucket.write(&name, b"three", Written::IfTagged("\"0\""))?.is_none();
         self.bucket.remove(&name)?;
-        let what = "the server takes no notice of If-None-Match and If-Match when it writes, so that two runs could write \
-                    over one another; use a server that does (AWS S3 does)";
+        let what = "the server ignores If-None-Match and If-Match on writes, so two runs could overwrite each other; \
+            use a server that supports them (AWS S3 does)";
         honoured.then_some(()).ok_or_else(|| io::Error::new(io::ErrorKind::Unsupported, what))
     }
 
@@ -106,7 +109,7 @@ impl BucketStorage {
         self.bucket.write(&name, b"", Written::Always)?;
         let object = self.bucket.describe(&name)?;
         self.bucket.remove(&name)?;
-        object.map(|object| object.modified).ok_or_else(|| io::Error::other("an object vanished"))
+        object.map(|object| object.modified).ok_or_else(|| io::Error::other("an object disappeared"))
     }
 
     pub(crate) fn fence(&self) -> Fence {

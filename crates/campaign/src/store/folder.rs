@@ -62,7 +62,7 @@ impl Folder {
         if keep == Keep::Synced {
             self.sync_folder_of(path)?;
         }
-        let stamp = FileStamp::of(path).map_err(|e| failed(path, "look at", e))?;
+        let stamp = FileStamp::of(path).map_err(|e| failed(path, "read the status of", e))?;
         Ok(Kept { stamp, blake3: file.get_ref().blake3() })
     }
 

@@ -110,7 +110,7 @@ struct CardPlaces {
 impl Places {
     fn check(&self, file: &SettingsFile<'_>) {
         if *self.schema.get_ref() != 1 {
-            file.reject(&self.schema, "schema must be 1, the only version that this flightlag knows");
+            file.reject(&self.schema, "schema must be 1, the only version that this release supports");
         }
         date(file, "date", self.report.date.as_ref());
         number(file, "mass_kg", self.aircraft.mass_kg.as_ref(), 1e-3, 1e6);
@@ -132,7 +132,7 @@ fn number(file: &SettingsFile<'_>, key: &str, value: Option<&Spanned<f64>>, low:
 
 fn date(file: &SettingsFile<'_>, key: &str, value: Option<&Spanned<String>>) {
     if let Some(value) = value.filter(|value| value.get_ref().parse::<Date>().is_err()) {
-        file.reject(value, format!("{key} = {:?}: must be a date as 2026-05-31", value.get_ref()));
+        file.reject(value, format!("{key} = {:?}: must be a date such as 2026-05-31", value.get_ref()));
     }
 }
 
@@ -143,7 +143,7 @@ fn names<'n>(file: &SettingsFile<'_>, key: &str, kind: &str, names: impl Iterato
         if name.get_ref().trim().is_empty() {
             file.reject(name, format!("{key} must not be empty"));
         } else if let Some(first) = lines.insert(name.get_ref(), file.line_of(name)) {
-            file.reject(name, format!("{key} {:?} is that of the {kind} on line {first} too", name.get_ref()));
+            file.reject(name, format!("{key} {:?} is already used by the {kind} on line {first}", name.get_ref()));
         }
     }
 }

@@ -47,7 +47,7 @@ fn a_card_is_not_a_log_and_one_without_a_flight_is_listed_with_the_reason() {
     assert_eq!(
         left,
         [
-            ("b/c.test-card.toml", "a test card without a flight: no log in its folder has its name"),
+            ("b/c.test-card.toml", "a test card without a flight: no log in its folder matches its names"),
             ("notes.toml", "a .toml file, not a log")
         ]
     );
@@ -72,7 +72,7 @@ fn one_run_reports_all_errors_of_all_cards_with_their_lines() {
     let error = found(&files, &["a.mcap", "b.mcap"]).0.unwrap_err().to_string();
     for part in [
         "test-card.toml:1: schema must be 1",
-        "test-card.toml:3: date = \"31.5.2026\": must be a date as 2026-05-31",
+        "test-card.toml:3: date = \"31.5.2026\": must be a date such as 2026-05-31",
         "test-card.toml:5: mass_kg = -1: must be from 0.001 to 1000000",
         "test-card.toml:9: number \"1\" is that of the card on line 7 too",
         "a.test-card.toml:3: unknown key `mas_kg`: did you mean `mass_kg`?",

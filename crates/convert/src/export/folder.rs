@@ -37,7 +37,7 @@ impl Folder {
             may_write(&path.join(place), log)?;
         }
         if let Some(table) = earlier(path).into_iter().find(|table| is_of_log(table, log)) {
-            let what = "a table of an earlier export that is also the log; it would be removed; name another folder";
+            let what = "this table of an earlier export is the log itself and would be removed; name another folder";
             return Err(ConvertError::Refused { path: table, what: what.to_owned() });
         }
         // For a link, use its target folder.

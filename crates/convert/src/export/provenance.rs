@@ -139,8 +139,8 @@ pub(crate) fn about_tie(tie: &UtcTie) -> Value {
     let mut about = json!(tie);
     about["uncertainty_s"] = (tie.spread_s.p99 - tie.spread_s.p01).into();
     about["remark"] =
-        "utc_ns = the clock's ns + offset_ns. uncertainty_s is the spread of the pairs, percentiles 1 to 99; \
-                       the delay of the messages that say UTC, as a rule 0.1 to 0.3 s, comes on top."
+        "utc_ns = the clock's ns + offset_ns. uncertainty_s is the spread of the pairs, percentiles 1 to 99. The \
+         delay of the messages that state UTC, usually 0.1 to 0.3 s, adds to it."
             .into();
     about
 }

@@ -60,7 +60,7 @@ pub fn write_parquet_parts(
     for part in others {
         let names = |sheet: &Sheet| sheet.columns.iter().map(|c| c.name.clone()).collect::<Vec<_>>();
         if names(&part) != names(first) {
-            return Err(io::Error::other("the parts of a table have different columns from the first"));
+            return Err(io::Error::other("a part of the table has other columns than the first part"));
         }
         write_group(&mut writer, &part, 0..part.rows())?;
     }
@@ -357,7 +357,7 @@ mod tests {
         let mut other = part(400..700);
         other.columns.pop();
         let error = file(vec![part(0..400), other]).unwrap_err().to_string();
-        assert_eq!(error, "the parts of a table have different columns from the first");
+        assert_eq!(error, "a part of the table has other columns than the first part");
     }
 
     #[test]

@@ -266,7 +266,7 @@ fn channels_that_disagree_on_their_original_topic_are_a_loss_but_one() {
         assert_eq!(table.published_ns.is_some(), first.is_none());
         let lost = read(&log).flight.notices.iter().find(|n| n.severity == Severity::Loss).cloned().unwrap();
         assert_eq!((lost.code.as_str(), lost.count), ("undecodable", 3));
-        assert!(lost.text.contains("another channel says"), "{}", lost.text);
+        assert!(lost.text.contains("another channel of the same topic"), "{}", lost.text);
     }
 }
 

@@ -308,7 +308,7 @@ fn undated_rows_keep_their_order_with_a_warning() {
     assert_eq!(rpm, (1..=30).rev().map(f64::from).collect::<Vec<_>>());
     assert!(log_times(&out).windows(2).all(|pair| pair[0] < pair[1]));
     let notice = report.notices.iter().find(|n| n.code == "values-replaced").unwrap();
-    assert!(notice.severity == Severity::Warning && notice.text.contains("the order of the rows alone"), "{notice:?}");
+    assert!(notice.severity == Severity::Warning && notice.text.contains("only the order of the rows"), "{notice:?}");
 }
 
 #[test]
@@ -316,7 +316,7 @@ fn an_unbound_table_is_dated_by_a_known_stamp_field_if_it_is_a_date() {
     let folder = tempfile::tempdir().unwrap();
     let (log, out) = (folder.path().join("log.csv"), folder.path().join("out.mcap"));
     for (begin_ns, expected) in
-        [(1_778_061_600_000_000_000_i64, "UTC: "), (5_000_000_000, "the order of the rows alone")]
+        [(1_778_061_600_000_000_000_i64, "UTC: "), (5_000_000_000, "only the order of the rows")]
     {
         let rows: String = (0..30).map(|i| format!("{},{i}\n", begin_ns + i * 100_000_000)).collect();
         std::fs::write(&log, format!("%time,field.rpm\n{rows}")).unwrap();

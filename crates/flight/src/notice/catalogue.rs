@@ -89,36 +89,36 @@ catalogue! {
     notices {
         "Bytes and damage" {
             Damaged, "damaged", [Loss],
-                "A range of bytes is not what was written. The place names the range, the text the reason. A last entry counts the \
-                 ranges that are not listed.",
-                "Copy the log again from the logger and compare the sizes. If it stays damaged, look at holes in the channels that \
-                 you use; `recover` writes everything that could be read as MCAP.";
+                "A range of bytes is corrupt. The place gives the range, the text gives the reason. The last entry \
+                 counts the ranges that are not listed.",
+                "Copy the log again from the logger and compare the sizes. If it is still damaged, look for holes in \
+                 the channels that you use. `recover` writes everything that can be read as MCAP.";
             TailCut, "tail-cut", [Info],
                 "The file ends inside its last record, as after power-off. This is not a loss.",
                 "Nothing, unless the log should be longer: then copy it again.";
             MinorLoss, "minor-loss", [Warning],
-                "All losses of the log are minor and are listed as warnings. They are less than 0.1 % of the log. No channel that is \
-                 used has a hole of more than 0.5 s for it, or no channel uses the topic.",
+                "All losses of the log are minor and are listed as warnings. They are less than 0.1 % of the log. \
+                 They leave no hole of more than 0.5 s in a channel that is used, or no channel uses the topic.",
                 "Nothing. The losses are listed on the page of the flight.";
             IncompleteRecording, "incomplete-recording", [Loss, Warning, Info],
-                "A part of the recording is missing, or the recorder was stopped before it closed the recording. A file lacks its \
-                 beginning, its end, its index or its table of messages, is empty, or is not there. Or the newest pages of a database \
-                 are in a write-ahead log or a journal. It is a warning if it is not sure that something is missing. It is info if the \
-                 write-ahead log was read.",
-                "Copy the log again, with all files of the recording and the `-wal` file of a database. If the recorder was stopped, what \
-                 was written before was read.";
+                "A part of the recording is missing, or the recorder was stopped before it closed the recording. A \
+                 file is missing, is empty, or lacks its beginning, its end, its index or its table of messages. Or \
+                 the newest pages of a database are in a write-ahead log or a journal. It is a warning if it is \
+                 uncertain whether something is missing. It is info if the write-ahead log was read.",
+                "Copy the log again, with all files of the recording and the `-wal` file of a database. If the \
+                 recorder was stopped, everything that it had written was read.";
             Corrupt, "corrupt", [Loss],
-                "Content fails a check that does not name the damaged bytes: a checksum, a compressed or converted file, or the pages \
-                 of a database. The text says what was still read.",
+                "Content fails a check that does not locate the damaged bytes: a checksum, a compressed or converted \
+                 file, or the pages of a database. The text gives what was still read.",
                 "Copy or unpack the log again and compare checksums. For a database, keep its `-wal` file with it.";
             Undecodable, "undecodable", [Loss],
-                "Messages cannot be decoded. They do not fit their definition, have no usable format, or lack a field that their type \
-                 must have. Or their compression is corrupt, or they belong to no known topic.",
+                "Messages cannot be decoded. They do not fit their definition, have no usable format, or lack a \
+                 field that their type must have. Or their compression is corrupt, or their topic is unknown.",
                 "If the topic matters, compare the definition in the log with the software that wrote it. If the topic is unknown, look \
                  for damage before the messages: the record that announces it was probably lost.";
             UnknownRecord, "unknown-record", [Warning, Loss, Info],
-                "Records of an unknown type, message number or format version were skipped. It is a loss where nothing else vouches \
-                 for the bytes, or where the log says that reading on may be wrong.",
+                "Records of an unknown type, message number or format version were skipped. It is a loss where nothing \
+                 else confirms the bytes, or where the log states that what was read may be wrong.",
                 "Nothing, if you do not need them. If the log is newer than this release, update flightlag.";
             MapLacks, "map-lacks", [Warning],
                 "Your own channel map names a field that the log lacks, so no channel is bound. For one log the exit code is 2. \
@@ -127,48 +127,50 @@ catalogue! {
         }
         "Reading" {
             SeveralSessions, "several-sessions", [Warning],
-                "The log holds several sessions: several logs one after another, or a boot clock that restarts. After a \
-                 restart each session is dated by itself, or follows the one before at a distance that the text states.",
+                "The log holds several sessions: several logs one after another, or a boot clock that restarts. \
+                 After a restart each session is dated by itself, or follows the one before after a time that the \
+                 text states.",
                 "Check that the sessions belong to one flight. If not, split the log.";
             Skipped, "skipped", [Info],
-                "Text, lines or padding that hold no record were not read. Or chunks without a wanted topic were not decompressed, \
-                 and their messages are counted from the verified index.",
+                "Text, lines or padding without records were skipped. Or chunks without a wanted topic were not \
+                 decompressed; their messages are counted from the verified index.",
                 "Nothing.";
             ReadLeniently, "read-leniently", [Warning, Info],
-                "The log departs from its format in a way that leaves one reasonable reading: padding, order, length or page lists \
-                 differ from the rule. The text says what was done.",
+                "The log deviates from its format, but can only be read in one reasonable way: padding, order, \
+                 length or page lists differ from the rule. The text states what was done.",
                 "Nothing, if the values look right. Report it to the maker of the logger.";
             NoChecksum, "no-checksum", [Warning, Info],
                 "Sentences or chunks have no checksum, so their content cannot be verified.",
                 "Enable checksums in the recorder.";
             IndexDiffers, "index-differs", [Warning, Loss],
-                "An index, a summary or metadata cannot be read, or disagrees with the content. The content counts. It is a loss where \
-                 messages are missing or may be missing.",
-                "After a loss, look at the other losses of this log: they name the place. Copy the log again, or recover the original \
-                 again. Otherwise nothing.";
+                "An index, a summary or metadata cannot be read, or disagrees with the content. The content is used. \
+                 It is a loss where messages are missing or may be missing.",
+                "After a loss, look at the other losses of this log: they give the place. Copy the log again, or \
+                 recover the original again. Otherwise nothing.";
             Redefined, "redefined", [Warning, Info, Loss],
-                "A topic, type, unit or number is defined twice, differently. Each message is read by the definition before it. \
-                 Values that fit neither are left out.",
+                "A topic, type, unit or number is defined twice, differently. Each message is read with the \
+                 definition before it. Values that fit neither definition are not used.",
                 "Check the topic that the text names. One recording should have one definition of each type.";
             TooMuchData, "too-much-data", [Loss, Warning],
-                "Rows, columns, topics or attachments were left out: they need more memory, more columns or more topics than a log may \
-                 take.",
+                "Rows, columns, topics or attachments were not read: they exceed the limit of memory, columns or \
+                 topics for a log.",
                 "Split the log, or leave out topics that you do not need when you record.";
             NotListed, "not-listed", [Info, Warning, Loss],
-                "There are more names, texts, changes or notices than are listed. The others are counted.",
+                "There are more names, texts, changes or notices than are listed. The rest are only counted.",
                 "Nothing. They are in the log.";
             NotDecoded, "not-decoded", [Warning],
                 "A wanted topic cannot be decoded. The text gives the reason.",
-                "Put the message definitions that the log lacks into the folder given with `--maps`.";
+                "Put the missing message definitions into the `--maps` folder.";
             DefinitionSupplied, "definition-supplied", [Info],
-                "The log does not define a type in full. A built-in definition, or one from the `--maps` folder, was used or completed \
-                 it.",
+                "The log does not define a type completely. A built-in definition, or one from the `--maps` folder, \
+                 was used instead or completed it.",
                 "Nothing, if your software uses that definition. Otherwise put your own into the `--maps` folder.";
             Dropout, "dropout", [Warning],
                 "The logger could not keep up. The text gives the total and the longest dropout.",
                 "Use a faster storage card, or log fewer topics.";
             SeveralSources, "several-sources", [Info, Warning],
-                "Several devices, talkers or publishers share one topic. The text says which one is used, or how they were joined.",
+                "Several devices, talkers or publishers share one topic. The text states which one is used, or how \
+                 they were joined.",
                 "If more than one receiver was on board, name the wanted one in your channel map.";
         }
         "Text tables" {
@@ -176,66 +178,74 @@ catalogue! {
                 "A file is not a table, or a table or topic has no rows.",
                 "Check that this is the file you meant.";
             ColumnRenamed, "column-renamed", [Info, Warning],
-                "Columns without a unique name were given one. Without a header row they are called `column_1`, `column_2` and so on.",
+                "Columns without a unique name were given one. Without a header row, columns are called `column_1`, \
+                 `column_2` and so on.",
                 "Add a header row, or use the new names in your channel map.";
             RejectedCell, "rejected-cell", [Warning, Loss, Info],
-                "Cells of a column of numbers hold no number, or the last value of a table may be truncated, because its row has no line \
-                 end. They are not used. Words for a missing value, such as N/A or nan, are info. Many other cells are a loss.",
-                "Look at the lines that the text names. Correct the export, or the decimal sign.";
+                "Cells in a column of numbers are not numbers, or the last value of a table may be truncated, \
+                 because its row has no line end. They are not used. Words for a missing value, such as N/A or nan, \
+                 are info. Many other cells are a loss.",
+                "Look at the lines that the text gives. Correct the export, or the decimal sign.";
             IrregularTable, "irregular-table", [Info, Warning, Loss],
-                "A text table holds lines that are not its rows, or may not be. Examples are another header, rows of another table, and \
-                 comments that look like rows. The text says what was read. Columns or rows that were not read are a loss. A line that \
-                 may be the header of another table, or a comment, is a warning.",
-                "Look at the lines that the text names. Split the file where another table begins.";
+                "A text table has lines that are not, or may not be, rows of it. Examples are another header, rows \
+                 of another table, and comments that look like rows. The text states what was read. Columns or rows \
+                 that were not read are a loss. A line that may be the header of another table, or a comment, is a \
+                 warning.",
+                "Look at the lines that the text gives. Split the file where another table begins.";
             UnknownWord, "unknown-word", [Warning],
-                "The log states a status or a remark that neither flightlag nor the channel map knows. What depends on it is unknown or \
-                 not bound.",
+                "The log states a status or a remark that neither flightlag nor the channel map knows. Everything \
+                 that depends on it is unknown or not bound.",
                 "Look the word up in the manual of the device and add it to your channel map.";
         }
         "Time and clocks" {
             Undated, "undated", [Info, Warning, Loss],
-                "The time of some messages is unknown: before the first known date or week, after damage, or after a restart of the \
-                 boot clock. Or the receiver does not state it. They are dated from their neighbours, or not used. It is a loss if rows \
-                 of a whole session are not used.",
+                "The time of some messages is unknown: before the first known date or week, after damage, after a \
+                 restart of the boot clock, or because the receiver does not state it. These messages are dated from \
+                 their neighbours, or not used. It is a loss if rows of a whole session are not used.",
                 "Nothing, unless most rows are affected. Then log a message with date and time, in each session if the clock restarts.";
             RejectedRow, "rejected-row", [Warning, Info, Loss],
-                "Rows are not used for a channel, or none is left of it. The text gives the reason: no value, out of range, no fix, not \
-                 finite, no position near them, timestamps that do not rise, and others.",
-                "Look at the reason and at the first row. A row without a value is normal where a device logs several rates. If no row is \
-                 left: was the receiver without a fix, or is the map wrong?";
+                "Rows are not used for a channel, or the channel has no rows left. The text gives the reason: no \
+                 value, out of range, no fix, not finite, no position near them, timestamps that do not rise, and \
+                 others.",
+                "Look at the reason and at the first row. Rows without a value are normal where a device logs at \
+                 several rates. If no row is left: did the receiver have no fix, or is the map wrong?";
             DuplicateStamp, "duplicate-stamp", [Warning, Loss],
-                "Rows have the timestamp of another row and are not used. If their values differ, the timestamps are too coarse, and a \
-                 delay may be wrong by their step. It is a loss if a clock that is wrong caused many of them.",
+                "Rows have the timestamp of another row and are not used. If their values differ, the timestamps are \
+                 too coarse, and a delay may be wrong by the step of the timestamps. It is a loss if a wrong clock \
+                 caused many of them.",
                 "Log the time of measurement with each row, with more digits if the timestamps are coarse.";
             UnreliableStamps, "unreliable-stamps", [Warning, Loss],
-                "Timestamps go back or jump, or are outside of the years that are possible or can be written. A clock was not set or was \
-                 set during the log, or messages are out of order. Rows are sorted by timestamp, and a timestamp that cannot be written \
-                 is set to the limit. It is a loss where the time of frames had to be taken from their neighbours.",
-                "Look for a clock that was set during the flight. Set the clock of the logger or ground station before the flight.";
+                "Timestamps go back or jump, or are in years that are impossible or cannot be written. A clock was \
+                 not set or was set during the log, or messages are out of order. Rows are sorted by timestamp, and \
+                 a timestamp that cannot be written is set to the limit. It is a loss where the time of frames had \
+                 to be taken from their neighbours.",
+                "Check whether a clock was set during the flight. Set the clock of the logger or ground station \
+                 before the flight.";
             StampKind, "stamp-kind", [Info, Warning],
                 "A kind of timestamp is missing in some rows, is known to be unreliable, or was computed from the receive times of other \
                  messages.",
-                "Check which timestamp the channel uses: a delay holds for that kind only.";
+                "Check which kind of timestamp the channel uses: a delay is valid for that kind only.";
             StampWrap, "stamp-wrap", [Warning, Info],
                 "A counter wrapped around, and the timestamps continue. If the number of wraps is unclear, they were left unchanged.",
-                "Check that no device restarted at that time: it would look the same.";
+                "Check that no device restarted at that time: a restart would look the same.";
             DateInferred, "date-inferred", [Info, Warning],
-                "Dates, zones or GPS weeks are not stated in full, or are ambiguous or impossible, and were inferred. Examples are the \
-                 order of day and month, a missing zone read as UTC, the date after midnight, and dates by a counter. Of a GPS week of 10 \
-                 bits the nearest possible week is used.",
-                "Compare date and hour of the first row with the flight. State the format in your channel map. Update the firmware of an \
-                 old receiver.";
+                "Dates, zones or GPS weeks are incomplete, ambiguous or impossible, and were inferred. Examples are \
+                 the order of day and month, a missing zone read as UTC, the date after midnight, and dates from a \
+                 counter. For a 10-bit GPS week, the nearest possible week is used.",
+                "Compare the date and hour of the first row with the flight. State the format in your channel map. \
+                 Update the firmware of an old receiver.";
             ClockSuspect, "clock-suspect", [Warning],
-                "Two clocks differ by an amount that looks like an error, or position and velocity have no time in common. Examples are \
-                 leap seconds, GPS time as UTC, TAI, hours of a zone, and more than a day.",
-                "Check the time scale of both clocks and the channel map: both channels must be of one flight. A delay between them may \
-                 be wrong by that amount.";
+                "Two clocks differ by an amount that looks like an error, or position and velocity have no time in \
+                 common. Examples are leap seconds, GPS time used as UTC, TAI, the hours of a time zone, and more \
+                 than a day.",
+                "Check the time scale of both clocks and the channel map: both channels must be from the same \
+                 flight. A delay between them may be wrong by that amount.";
             LeapSeconds, "leap-seconds", [Warning],
-                "The flight is later than the leap seconds that this release knows.",
-                "Update flightlag. Without a new leap second nothing changes.";
+                "The flight is after the last day for which this release knows the leap seconds.",
+                "Update flightlag. The result changes only if there was a new leap second.";
             UtcTie, "utc-tie", [Info, Warning],
-                "The clock of the log is dated by the named messages. Messages that would date it differently by more than a second are \
-                 not used, which is a warning.",
+                "The clock of the log is dated by the named messages. It is a warning if messages that differ from \
+                 them by more than a second were not used.",
                 "Nothing. If many messages are not used, check the time of the receiver.";
         }
         "Channels and binding" {
@@ -243,53 +253,57 @@ catalogue! {
                 "No channel map fits. Columns were bound by name, unit and motion. This is also an amber alarm.",
                 "Check the binding with `flightlag inspect`. `flightlag maps --suggest` prints the map to correct and keep.";
             Assumption, "assumption", [Warning, Info],
-                "The channel map or the rig file assumes something that the log does not state or show. The text says what. It is info \
-                 if a part of a channel is not logged as such and has a substitute. Examples are zero, another field, the height above \
-                 mean sea level, or a magnetic track.",
+                "The channel map or the rig file assumes something that the log does not state or show. The text \
+                 states the assumption. It is info if a part of a channel is not logged and has a substitute. \
+                 Examples are zero, another field, the height above mean sea level, or a magnetic track.",
                 "Check that the assumption holds. If not, use your own channel map, or state it in the rig file: site, gravity, magnetic \
                  field, zero or sign of the encoder.";
             HeldRows, "held-rows", [Info],
                 "The channel repeats held values. The repeats are not measurements and are not used.",
                 "Nothing.";
             UnitUnknown, "unit-unknown", [Warning],
-                "The table states a unit that flightlag does not know. The map's unit is used. This is also an amber alarm.",
+                "The table states a unit that flightlag does not know. The unit in the channel map is used. This is \
+                 also an amber alarm.",
                 "Write the unit as flightlag knows it (`m`, `m/s`, `deg`, `rad` and so on).";
             UnitDiffers, "unit-differs", [Warning, Info],
-                "The log states another unit than the map. A table is converted from its own unit; otherwise the map's unit is used.",
+                "The log states another unit than the channel map. For a table, the unit in the table is used; \
+                 otherwise the unit in the map is used.",
                 "Check one value by hand. Correct the map or the log.";
         }
         "Delay from flight" {
             RecordSplit, "record-split", [Warning],
-                "The record is split at gaps, clock jumps or resets, or where the bench was turned. Each part has its own offset, or is a \
-                 magnetometer swing at its own azimuth.",
-                "Nothing, if they are known. Many splits make the interval of the delay wider.";
+                "The record is split at gaps, clock jumps or resets, or where the bench was turned. Each part has \
+                 its own offset, or is a magnetometer swing at its own azimuth.",
+                "Nothing, if they are expected. Many splits make the interval of the delay wider.";
             SamplesLeftOut, "samples-left-out", [Warning, Info],
-                "Samples take no part in the delay: jumps, spikes, fixes far away, stretches where the channels contradict each other, rest, \
-                 parts that are too short. Of very many samples only every n-th is used, or neighbours are averaged.",
+                "Samples are not used for the delay: jumps, spikes, fixes far away, stretches where the channels \
+                 contradict each other, rest, parts that are too short. If there are very many samples, only every \
+                 n-th is used, or neighbours are averaged.",
                 "Look at the marked samples on the page of the flight.";
             FlightDelayChanges, "flight-delay-changes", [Warning],
                 "The delay measured in this flight, or in a record of the bench, changes. `bench` ends with exit code 3.",
                 "Look at the curve of the delay over time before you remove a constant delay.";
             DelayContradicted, "delay-contradicted", [Warning],
                 "The removed delay contradicts the flight. This is also an amber alarm.",
-                "Compare both delays on the page. Was the configuration changed since the delay was measured?";
+                "Compare both delays on the page. Check whether the configuration was changed after the delay was \
+                 measured.";
         }
         "Replay and scores" {
             NoOutput, "no-output", [Info, Warning],
-                "No output row: velocity before the first or after the last fix, samples that a compensator rejected, or rows at which it has \
-                 no output.",
+                "Rows without output: velocity before the first or after the last fix, samples that a compensator \
+                 rejected, or rows at which a compensator has no output.",
                 "Nothing, unless many rows are affected: then look at the named compensator.";
             PositionReset, "position-reset", [Warning],
-                "Fixes jump by more than five sigma against the integrated velocity. They were passed through.",
+                "Fixes jump by more than five sigma against the integrated velocity. They were used unchanged.",
                 "Look for resets of the filter or changes of the fix type at that time.";
             VelocityContradictsPosition, "velocity-contradicts-position", [Warning],
                 "Position and integrated velocity disagree.",
                 "Check axes, signs, units and the delay.";
             StampsCoarserThanDelay, "stamps-coarser-than-delay", [Warning],
-                "The timestamps are no finer than the delay. They cannot show whether the compensation is right.",
+                "The timestamps are no finer than the delay. They cannot show whether the compensation is correct.",
                 "Log timestamps with more digits.";
             KalmanNoiseFitted, "kalman-noise-fitted", [Info],
-                "The noise that was fitted for the Kalman filter and the smoother.",
+                "The noise was fitted for the Kalman filter and the smoother.",
                 "Nothing. State the noise in the pipeline to use your own.";
             OnboardNotCompared, "onboard-not-compared", [Warning],
                 "The aircraft's own compensated position cannot be compared. The text gives the reason.",
@@ -297,70 +311,75 @@ catalogue! {
         }
         "Sensor card" {
             LeftOffCard, "left-off-card", [Warning],
-                "A record, or a channel of a record, is not part of the card: it could not be measured, is missing, or is an outlier. If \
-                 nothing is left, no card is written.",
+                "A record, or a channel of a record, is not on the card: it could not be measured, is missing, or is \
+                 an outlier. If nothing is left, no card is written.",
                 "Look at the page of that record. Measure again if too few are left.";
             NotComparable, "not-comparable", [Warning],
                 "A channel of a record cannot be combined with the others: another kind of timestamp, model or quantity, or delays that \
                  disagree without a clear majority. Then `bench` ends with exit code 3.",
                 "Make one card for each configuration.";
             CardConditions, "card-conditions", [Warning],
-                "Update rates differ: between the records of the bench, or between bench and flight. Or the day of the bench records or \
-                 of the flight is unknown, so the validity of the card is unknown. Or a record failed a check of its quality gate, as a gap \
-                 of the encoder or a swing that is too small.",
+                "Update rates differ between the records of the bench, or between bench and flight. Or the day of \
+                 the bench records or of the flight is unknown, so the validity of the card is unknown. Or a record \
+                 failed a check of its quality gate, such as a gap of the encoder or a swing that is too small.",
                 "Set the same rate on the bench and in flight. Log a date, or check the validity by hand. Look at the quality gate on \
                  the page of the record.";
             CardMismatch, "card-mismatch", [Warning],
-                "The flight is before the first or after the last day of the card, or uses another kind of timestamp than the bench. The \
-                 card is used.",
-                "Use the card of that time, or measure the sensor again. Use the same kind of timestamp in both channel maps.";
+                "The flight is before the first or after the last day of the card, or uses another kind of timestamp \
+                 than the bench. The card is used anyway.",
+                "Use a card that is valid on the day of the flight, or measure the sensor again. Use the same kind \
+                 of timestamp in both channel maps.";
             CardRelative, "card-relative", [Warning],
-                "The delay on the card is relative to a channel that the bench took as on time, or holds the least transport latency.",
-                "Tie the clocks on the bench, for example by a pulse per second.";
+                "The delay on the card is relative to a channel that the bench assumed to be on time, or includes \
+                 the least transport latency.",
+                "Tie the clocks on the bench, for example with a pulse per second.";
             CardResidual, "card-residual", [Warning, Info],
-                "An error remains after the delay on the card is removed: a lag makes slow motion later, or the velocity is late itself.",
+                "An error remains after the delay on the card is removed: a lag makes slow motion later, or the \
+                 velocity itself is late.",
                 "Nothing, if the error is small enough: the text gives its size or its cause.";
         }
         "Bench" {
             ClockTie, "clock-tie", [Warning],
-                "The tie between the clocks of a channel and of the encoder is missing, ambiguous, or drifts. The text says what is \
-                 missing: a usable pulse, pairs of device time and arrival, or the timestamps that the rig file asks for. The channel may \
-                 be left out. The tie is ambiguous if the swing is too regular. If all channels drift, the delays hold for the middle of \
-                 the record.",
-                "Check pulse, timestamps and the clock settings of the rig file. Stop the bar once or twice during the record. Against a \
-                 drift, stamp encoder and sensor with one clock.";
+                "The tie between the clocks of a channel and of the encoder is missing, ambiguous, or drifts. The \
+                 text states what is missing: a usable pulse, pairs of device time and arrival, or the timestamps \
+                 that the rig file asks for. The channel may be skipped. The tie is ambiguous if the swing is too \
+                 regular. If all channels drift, the delays are valid for the middle of the record.",
+                "Check the pulse, the timestamps and the clock settings of the rig file. Stop the bar once or twice \
+                 during the record. To avoid a drift, timestamp encoder and sensor with one clock.";
             NoReference, "no-reference", [Warning],
                 "A channel cannot be compared with the motion of the bar: its components are missing, or the azimuth of the swing is unknown.",
                 "State mount and azimuth in the rig file, and log all components.";
             RigContradicted, "rig-contradicted", [Warning],
-                "The data of a bench record contradict its rig file on a part that the text names. The rig file is used. Or the encoder \
-                 slips or scatters, or a delay changed over the record. `bench` ends with exit code 3 if the channels of the card are \
-                 marked for it.",
-                "Correct the rig file, or what makes the angle scatter, and measure again.";
+                "The data of a bench record contradict the part of its rig file that the text names. The rig file is \
+                 used. Or the encoder slips or scatters, or a delay changed over the record. `bench` ends with exit \
+                 code 3 if this marks channels of the card.",
+                "Correct the rig file, or the cause of the scatter of the angle, and measure again.";
             EncoderRepaired, "encoder-repaired", [Warning, Info],
-                "The encoder wrapped and was unwrapped, or impossible single samples were left out, or its count slipped: then only the \
-                 longest part without a slip is used.",
+                "The encoder wrapped around and was unwrapped, or impossible single samples were dropped, or its \
+                 count slipped: then only the longest part without a slip is used.",
                 "Check the cable if there are many single samples.";
         }
         "Export and recover" {
             ValuesReplaced, "values-replaced", [Info, Warning],
-                "The log lacks a value or a log time that the written file must have, or a value cannot be written as it is. For a \
-                 missing value a placeholder is written, with `_given` false. For a missing log time, the text says which time is used, \
-                 or that a neighbour's is. In CSV, U+2400 replaces zero bytes.",
-                "Use the `_given` fields to tell placeholders from values. Use the timestamps in the fields where the order matters. \
-                 Export as Parquet to keep zero bytes.";
+                "The log lacks a value or a log time that the written file must have, or a value cannot be written \
+                 as it is. For a missing value a placeholder is written, with `_given` false. For a missing log \
+                 time, the text states which time is used, for example that of a neighbour. In CSV, U+2400 replaces \
+                 zero bytes.",
+                "Use the `_given` fields to distinguish placeholders from values. Use the timestamps in the fields \
+                 where the order matters. Export as Parquet to keep zero bytes.";
             NotWritten, "not-written", [Loss, Warning],
-                "Something was read and not written. Fields that are variable-length arrays, or have more than 64 elements, have no \
-                 column: a warning. Messages that could not be written are a loss.",
-                "For fields, use `flightlag recover`: it copies the messages of MCAP files and ROS bags whole. For messages, look at the \
-                 topic that the place names, and report it.";
+                "Something was read, but not written. It is a warning if fields have no column because they are \
+                 variable-length arrays or have more than 64 elements. Messages that could not be written are a \
+                 loss.",
+                "For fields, use `flightlag recover`: it copies complete messages of MCAP files and ROS bags. For \
+                 messages, look at the topic that the place gives, and report it.";
         }
     }
     alarms {
         DelaySteps, "delay-steps", Red, "The delay jumps between levels.",
             "Do not remove a constant delay. Look for changes of the link or of the receiver at the jumps.";
         DelaySwitches, "delay-switches", Red, "The delay switches between two levels.",
-            "Do not remove a constant delay. Find what has two states.";
+            "Do not remove a constant delay. Find the part of the system that has two states.";
         DelayDrifts, "delay-drifts", Red, "The delay drifts: two clocks run at different rates.",
             "Use the timestamps of one clock, or synchronise the clocks.";
         DelayQueues, "delay-queues", Red, "The delay grows and empties again, as in a queue.",
@@ -369,16 +388,18 @@ catalogue! {
             "Lower the data rate, or use timestamps of the measurement.";
         DelayWanders, "delay-wanders", Red, "The delay changes slowly, without a pattern.",
             "Do not remove a constant delay. Use timestamps of the measurement.";
-        TwoDelaysFit, "two-delays-fit", Red, "Two delays explain the flight equally well.",
+        TwoDelaysFit, "two-delays-fit", Red, "Two delays fit the flight equally well.",
             "Fly a manoeuvre with changes of speed and direction that do not repeat.";
-        LeapSecond, "leap-second", Red, "The delay steps by a whole second: a clock was set, or counts a leap second.",
+        LeapSecond, "leap-second", Red, "The delay steps by a whole second: a clock was set, or applied a leap \
+            second.",
             "Split the log at the step.";
         OtherTimeScale, "other-time-scale", Red, "Position and velocity are 12.5 to 19 s apart, like GPS time and UTC.",
             "Correct the time scale of one channel in the channel map.";
         LogDamaged, "log-damaged", Red,
-            "More of the log was lost than a minor loss. The text says how much and where. Raised by `delay`.",
+            "The loss of the log is more than minor. The text gives the amount and the place. Raised by `delay`.",
             "See `damaged`. Copy the log again.";
-        PairsDisagree, "pairs-disagree", Amber, "Pairs of channels contradict each other, and no single one explains it.",
+        PairsDisagree, "pairs-disagree", Amber, "Pairs of channels contradict each other, and no single channel \
+            explains it.",
             "Look at the table of pairs. Add a reference file, or a third channel.";
         ChannelLies, "channel-lies", Amber, "One pair contradicts all others and is excluded.",
             "Look at the channel that the text names.";
@@ -392,7 +413,7 @@ catalogue! {
             "Use timestamps of the measurement instead of the arrival.";
         Outliers, "outliers", Amber, "More than 5 % of the samples are outliers.",
             "Look at the residuals on the page of the flight.";
-        DelayDoubtful, "delay-doubtful", Amber, "Another check of the fit failed. The text says which.",
+        DelayDoubtful, "delay-doubtful", Amber, "Another check of the fit failed. The text names it.",
             "Look at the named check on the page of the flight.";
         ReferenceNotUsed, "reference-not-used", Amber,
             "The reference file was not used. The text gives the reason. The exit code is 3.",
@@ -403,7 +424,7 @@ catalogue! {
             "The windows of the delay scatter by more than their uncertainties, and the test for a change found none. U includes the \
              scatter.",
             "Nothing.";
-        DelayRemark, "delay-remark", Grey, "A remark on the fit.", "Nothing.";
+        DelayRemark, "delay-remark", Grey, "A remark about the fit.", "Nothing.";
         Companion, "companion", Grey, "The file belongs to a flight and is not a flight itself.", "Nothing.";
     }
 }

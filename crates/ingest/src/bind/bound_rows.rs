@@ -128,7 +128,8 @@ fn put_in_order(
 
 fn note_held(plan: &Plan<'_>, held: &Held, notices: &mut Notices) {
     let text = format!(
-        "channel {} repeats held values: updates every {:.3} s, most often {} rows each; the repeats are no measurements",
+        "channel {} repeats held values: it updates every {:.3} s, usually with {} rows for each; the repeats are \
+         not measurements",
         plan.rule.name, held.update_interval_s, held.modal_run
     );
     notices.push(Code::HeldRows, &plan.table.topic.name, held.repeats, text);
@@ -175,7 +176,7 @@ fn drop_thin_verticals<'p>(plan: &'p Plan<'_>, notices: &mut Notices) -> Vec<Opt
             let thin = part.presence == Presence::Vertical && 2 * (0..plan.table.rows).filter(filled).count() < whole;
             if thin {
                 let text = format!(
-                    "channel {}: most rows have no {}; it is left out and counts as zero",
+                    "channel {}: most rows have no {}; it is not used and counts as zero",
                     plan.rule.name, found.column.path
                 );
                 notices.push(Code::Assumption.at(Severity::Info), &plan.table.topic.name, whole as u64, text);
@@ -208,13 +209,13 @@ fn sample_of(
     row: usize,
 ) -> Result<[f64; 4], String> {
     let parts = values_of(plan.rule, columns, row)?;
-    primary.nanos.get(row).ok_or("no stamp")?;
+    primary.nanos.get(row).ok_or("no timestamp")?;
     if let Some(reason) = failed(&plan.conditions, row) {
         return Err(reason);
     }
     let values = combine(plan.rule.combine, &parts)?;
     if values.iter().any(|v| !v.is_finite()) {
-        return Err("value beyond the range of a double".into());
+        return Err("value exceeds the range of a double".into());
     }
     if plan.rule.quantity == Quantity::PositionGeodetic {
         plausible(values)?;
@@ -281,7 +282,7 @@ fn combine(how: Combine, parts: &[f64]) -> Result<[f64; 4], String> {
     })
 }
 
-const NO_ORIENTATION: &str = "the orientation is zero or beyond measure";
+const NO_ORIENTATION: &str = "the orientation is zero or too large to normalise";
 
 fn plausible([latitude, longitude, height, _]: [f64; 4]) -> Result<(), String> {
     use std::f64::consts::{FRAC_PI_2, PI};
@@ -324,7 +325,7 @@ const FEW_ROWS: u64 = 5;
 fn report(plan: &Plan<'_>, rejects: &Rejects, unusable: bool, is_coarse: bool, notices: &mut Notices) {
     let is_listed = |reject: &&RejectCount| !(unusable || is_coarse && reject.reason == Reason::Shared.text());
     for reject in rejects.0.iter().filter(is_listed) {
-        let duplicate = reject.reason.starts_with("stamp equal");
+        let duplicate = reject.reason.starts_with("timestamp equal");
         let many = reject.count > FEW_ROWS && LOST_BY_CLOCK * reject.count >= plan.table.rows as u64;
         let lost = many && order::is_of_clock(&reject.reason);
         let severity = match reject.reason.as_str() {
@@ -350,7 +351,7 @@ fn assumptions(plan: &Plan<'_>, columns: &[Option<&Found<'_>>], notices: &mut No
         say(Code::Assumption.into(), note);
     }
     for (found, column) in columns.iter().flatten().filter_map(|found| Some((found, found.passed_over?))) {
-        let text = format!("{} is zero in every row, and {} is read in its place", column.path, found.column.path);
+        let text = format!("{} is zero in every row; {} is read instead", column.path, found.column.path);
         say(substitute, &text);
     }
     if columns.iter().flatten().any(|found| found.above == Some(HeightAbove::MeanSeaLevel)) {
@@ -419,7 +420,7 @@ fn offsets(plan: &Plan<'_>, samples: &Samples, notices: &mut Notices) -> (Vec<St
     let offsets: Vec<StampOffset> = pairs.into_iter().filter_map(|pair| offset(plan, samples, pair)).collect();
     for o in &offsets {
         if let Some(what) = first_unix(plan, samples).and_then(|at| suspicion(&o.offset_s, at)) {
-            let text = format!("channel {}, {} and {} stamps: {what}", plan.rule.name, o.of, o.against);
+            let text = format!("channel {}, {} and {} timestamps: {what}", plan.rule.name, o.of, o.against);
             notices.push(Code::ClockSuspect, &plan.table.topic.name, samples.len() as u64, text);
         }
     }
@@ -555,7 +556,7 @@ fn other_stamps(
             Some(values) => others.push((stamps.kind, stamps.clock, values)),
             None => {
                 let text = format!(
-                    "channel {}: some rows have no {} stamp; that kind is left out",
+                    "channel {}: some rows have no {} timestamp; this kind is not used",
                     plan.rule.name, stamps.kind
                 );
                 notices.push(Code::StampKind, &plan.table.topic.name, samples.len() as u64, text);

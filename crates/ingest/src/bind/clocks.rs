@@ -32,7 +32,7 @@ pub(super) fn compare(flight: &mut Flight) {
     // The clock since boot is shared by all topics: checking the first one is enough.
     if let Some((line, what)) = lines.iter().find_map(|line| Some((line, against_log(line)?))) {
         let clock = line.channel.series.timeline().clock();
-        let text = format!("channel {}, the log's stamps and the clock {clock} by UTC: {what}", line.name);
+        let text = format!("channel {}, log timestamps and the clock {clock}, compared in UTC: {what}", line.name);
         let (place, rows) = (&line.channel.source.topic, line.channel.series.len() as u64);
         notices.push(Code::ClockSuspect, place, rows, text);
     }
@@ -44,7 +44,7 @@ pub(super) fn compare(flight: &mut Flight) {
         let kind = what.split_once(": ").map_or("", |(_, kind)| kind);
         match reported.iter_mut().find(|(known, _)| known.ends_with(kind)) {
             Some((_, count)) => *count += 1,
-            None => reported.push((format!("{} and {} are by different clocks; {what}", a.name, b.name), 1)),
+            None => reported.push((format!("{} and {} use different clocks; {what}", a.name, b.name), 1)),
         }
     }
     for (text, pairs) in reported {
@@ -116,7 +116,7 @@ fn no_common_time(flight: &Flight, notices: &mut Notices) {
             let apart = a.clock() == b.clock() && (a.last() < b.first() || b.last() < a.first());
             if apart && p.series.len().min(v.series.len()) >= FEWEST_ROWS {
                 let text = format!(
-                    "channels {position} and {velocity} have no time in common, though both count {}",
+                    "channels {position} and {velocity} have no time in common, although both use the clock {}",
                     a.clock()
                 );
                 let place = format!("{}, {}", p.source.topic, v.source.topic);
@@ -138,7 +138,9 @@ pub(super) fn note_unknown_leaps(flight: &mut Flight, tied_by_gps: bool) {
     if last.is_none_or(leaps_are_known_at) {
         return;
     }
-    let text =
-        format!("GPS time is turned to UTC with the leap seconds known until {LEAPS_KNOWN_UNTIL}; the flight is later");
+    let text = format!(
+        "GPS time is converted to UTC with the leap seconds known until {LEAPS_KNOWN_UNTIL}; the flight is \
+            later"
+    );
     flight.notices.push(Code::LeapSeconds, "", 1, text);
 }

@@ -8,8 +8,8 @@ use crate::time::unwrap;
 use crate::values::Values;
 use flight::{Code, Severity};
 
-const COUNTED: &str = "rows without a date, or with one more than a day off those of most rows, are dated by the device's \
-                       counter from the nearest row that has one";
+const COUNTED: &str = "rows without a date, or with a date more than a day away from most others, are dated by the \
+    device's counter, counted from the nearest dated row";
 
 /// Dates the rows of a calendar with a counter that have no date, and those whose date differs by more than a day from
 /// that of most rows: a device counts from a date of its own until it receives the time.

@@ -95,7 +95,7 @@ pub(super) fn stamps_of_dates(
     }
     // A date with dots and a four-digit year has only one order in use.
     if let Some((order, Some(shows))) = order.filter(|(_, shows)| !shows.as_deref().is_some_and(is_plain)) {
-        let text = format!("the dates are read with the {} first, as {shows} shows", order.word());
+        let text = format!("the dates are read with the {} first: {shows} shows this", order.word());
         repairs.push(Repair { what: Code::DateInferred.into(), count: table.rows as u64, text: text.into() });
     }
     let stale = redate_days(&mut stamps, &days);
@@ -151,7 +151,7 @@ pub(super) fn example(source: &TimeSource, table: &Table) -> Option<String> {
         }
         _ => return None,
     };
-    (!cells.is_empty()).then(|| format!("not understood is {cells}"))
+    (!cells.is_empty()).then(|| format!("this cannot be read: {cells}"))
 }
 
 /// Why there are no timestamps although the table has the columns.
@@ -159,8 +159,8 @@ pub(super) fn unclear(source: &TimeSource, table: &Table) -> Option<String> {
     let civil = Civil::of(source, table)?;
     let date = civil.order(table.rows).err()?;
     Some(format!(
-        "cannot tell which number is the day in {}, as {date}; say order = \"day-month-year\", \"month-day-year\" or \"year-month-day\" next to \
-         date in the channel map",
+        "{} is ambiguous: which number of {date} is the day? Write order = \"day-month-year\", \"month-day-year\" or \
+         \"year-month-day\" next to date in the channel map",
         civil.date.path
     ))
 }

@@ -5,7 +5,7 @@ use flight::{Ecef, Geodetic};
 
 /// No flight is further from the ellipsoid, m.
 const FARTHEST_M: f64 = 1e6;
-const NO_PLACE: &str = "the place is not on the earth: no fix";
+const NO_PLACE: &str = "the position is not on the earth: no fix";
 
 /// Latitude and longitude, rad, and height above the ellipsoid, m; fails far from the ellipsoid, for example at the
 /// centre of the earth, where receivers put themselves without a fix.

@@ -28,8 +28,8 @@ pub(super) fn check(best: &Trial<'_>, log: &Log) -> Result<(), String> {
     match missing.as_slice() {
         [] => Ok(()),
         missing => Err(format!(
-            "the channel map {} names fields that the log does not have: {}; correct the names, or say `optional = true` in the \
-             channel",
+            "the channel map {} names fields that the log does not have: {}; correct the names, or write `optional = \
+             true` in the channel",
             best.map.name,
             missing.join("; ")
         )),

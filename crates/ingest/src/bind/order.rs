@@ -31,12 +31,12 @@ pub(super) enum Reason {
 impl Reason {
     pub(super) fn text(self) -> &'static str {
         match self {
-            Reason::NeverFilled => "stamp zero, long before the others: never filled in",
-            Reason::Far => "stamp more than a day away from the others",
-            Reason::PassedTwice => "the clock went back over a time that other rows have",
-            Reason::OutOfLine => "stamp out of line with the rows around it",
-            Reason::Repeated => "stamp equal to the one before",
-            Reason::Shared => "stamp equal to the one before, and another value",
+            Reason::NeverFilled => "timestamp zero, long before the others: never filled in",
+            Reason::Far => "timestamp more than a day away from the others",
+            Reason::PassedTwice => "the clock went back to a time that other rows already have",
+            Reason::OutOfLine => "timestamp does not fit between those of the rows around it",
+            Reason::Repeated => "timestamp equal to the one before",
+            Reason::Shared => "timestamp equal to the one before, but a different value",
         }
     }
 }

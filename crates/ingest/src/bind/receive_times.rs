@@ -42,8 +42,8 @@ pub(super) fn by_receive_time(kind: StampKind, rules: &[TieRule], log: &Log, tab
     let wide: Vec<f64> = rows.iter().flatten().map(|(_, width)| *width as f64 / NANOS_PER_SECOND as f64).collect();
     let widths = distribution(&wide)?;
     let text = format!(
-        "its messages state no time: they are placed on the clock since boot by when they were received, between messages of \
-         {} that state it, and are wrong by no more than the time between those: {:.3} s as a rule, {:.3} s at most",
+        "its messages have no timestamp. They are placed on the clock since boot by their receive times, between \
+         messages of {} that have one. The error is at most the time between those: usually {:.3} s, {:.3} s at most",
         topics.join(", "),
         widths.median,
         widths.max

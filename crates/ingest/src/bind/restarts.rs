@@ -95,14 +95,15 @@ impl Joined {
         let sessions = self.axis.shifts.len() as u64;
         if let Some(source) = &self.axis.source {
             let text =
-                "the clock since boot restarted; each session is dated by itself and put on the clock of the first";
+                "the clock since boot restarted; each session is dated by itself and moved to the clock of the first";
             notices.push(Code::SeveralSessions, source, sessions - 1, text);
         }
         // A session without rows has nothing to lose.
         let lost = || self.axis.shifts.iter().zip(&self.rows).filter(|(shift, rows)| shift.is_none() && **rows > 0);
         if lost().next().is_some() {
             let text = format!(
-                "the clock since boot restarted, and nothing dates {} of {sessions} sessions: their rows are not used",
+                "the clock since boot restarted, and {} of {sessions} sessions cannot be dated: their rows are not \
+                 used",
                 lost().count()
             );
             notices.push(Code::Undated.at(Severity::Loss), "", lost().map(|(_, rows)| rows).sum(), text);

@@ -137,8 +137,8 @@ fn gps_time(
     Some(stamps)
 }
 
-const NO_ZONE: &str = "say no zone and are taken as UTC";
-const UNIX_STAMPS: &str = "taken as UTC and not as a time since boot, for that would be more than thirty years";
+const NO_ZONE: &str = "no time zone is stated; read as UTC";
+const UNIX_STAMPS: &str = "read as UTC and not as a time since boot, which would be more than thirty years";
 /// Longer than any uptime, and later than any log: 2001 to 2096, ns since 1970.
 const UNIX_AND_NOT_BOOT: Range<i64> = 1_000_000_000 * NANOS_PER_SECOND..4_000_000_000 * NANOS_PER_SECOND;
 
@@ -166,9 +166,8 @@ fn clock_of(source: &TimeSource, table: &Table, nanos: &Values<i64>) -> Clock {
 }
 
 const NEAREST_TO_LOG: &str =
-    "GPS weeks below 1024 are counters of ten bits: taken as the week nearest to the date of the log's other clock";
-const NEAREST_TO_RELEASE: &str =
-    "GPS weeks below 1024 are counters of ten bits: taken as the week nearest to this release";
+    "GPS weeks below 1024 are ten-bit counters: the week nearest to the date of the log's other clock is used";
+const NEAREST_TO_RELEASE: &str = "GPS weeks below 1024 are ten-bit counters: the week nearest to this release is used";
 
 fn note_inferred(repairs: &mut Vec<Repair>, count: u64, text: &'static str) {
     if count > 0 {
@@ -214,7 +213,7 @@ fn repair(
         return None;
     }
     let days = if *clock == Clock::Elapsed { 2 } else { 0 };
-    let names = std::iter::repeat_n(format!("the counter of {bits} bits"), counters.len().saturating_sub(days));
+    let names = std::iter::repeat_n(format!("the {bits}-bit counter"), counters.len().saturating_sub(days));
     let mut wrapped_at = None;
     for (counter, what) in counters.iter().zip(names.chain(["the time of week", "the time of day"].map(str::to_owned)))
     {
@@ -222,7 +221,8 @@ fn repair(
         if times > 0 {
             wrapped_at = Some(*counter);
             let text = format!(
-                "{what} wrapped around and the timestamps run on; a restart shortly before its end would look the same"
+                "{what} wrapped around, and the timestamps continue; a restart shortly before the wrap would look \
+                 the same"
             );
             repairs.push(Repair { what: Code::StampWrap.into(), count: times, text: text.into() });
         }
@@ -230,7 +230,7 @@ fn repair(
     wrapped_at
 }
 
-const WEEK_OFF: &str = "stamps a week off their neighbours were put back";
+const WEEK_OFF: &str = "timestamps a week away from their neighbours were corrected by a week";
 
 fn nanos_of(source: &TimeSource, table: &Table, repairs: &mut Vec<Repair>) -> Option<Values<i64>> {
     let rows = 0..table.rows;

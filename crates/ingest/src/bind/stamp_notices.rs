@@ -40,7 +40,7 @@ fn of_plan<'p>(plan: &'p Plan<'_>) -> Vec<StampNotice<'p>> {
     let remarks = plan.remarks.iter().map(|remark| notice(Code::StampKind.at(Severity::Warning), rows, remark.clone()));
     let repairs = plan.stamps.iter().flat_map(|stamps| {
         stamps.repairs.iter().map(move |repair| {
-            let text = format!("{} stamps in {}: {}", stamps.kind, stamps.label, repair.text);
+            let text = format!("{} timestamps in {}: {}", stamps.kind, stamps.label, repair.text);
             notice(repair.what, repair.count, text)
         })
     });
@@ -60,7 +60,7 @@ pub(super) fn note_apart(apart: &[(ChannelHealth, StampOffset)], notices: &mut N
         let same = || apart.iter().filter(|(_, other)| is_same(other, o));
         let days = days(o);
         let text = format!(
-            "{}: {} stamps are {:.1} days {} than {} ones, so they count different clocks",
+            "{}: {} timestamps are {:.1} days {} than {} ones, so they use different clocks",
             which(&health.name, same().count()),
             o.of,
             days.abs(),
@@ -85,8 +85,8 @@ pub(super) fn note_coarse(coarse: &[(ChannelHealth, f64)], notices: &mut Notices
         }
         let count = shared(health);
         let text = format!(
-            "{}: {count} of {} rows have the stamp of another one and another value, and are not used; the stamps are no finer \
-             than {step_s:.3} s, and a delay against others may be wrong by as much",
+            "{}: {count} of {} rows have the timestamp of another row but a different value, and are not used; the \
+             timestamps are no finer than {step_s:.3} s, and a delay against other channels may be wrong by as much",
             which(&health.name, coarse.iter().filter(same).count()),
             count + health.used
         );
@@ -98,6 +98,6 @@ pub(super) fn note_coarse(coarse: &[(ChannelHealth, f64)], notices: &mut Notices
 pub(super) fn which(first: &str, channels: usize) -> String {
     match channels {
         1 => format!("channel {first}"),
-        several => format!("{several} channels, the first {first}"),
+        several => format!("{several} channels, the first of them {first}"),
     }
 }

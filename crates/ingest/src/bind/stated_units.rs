@@ -21,7 +21,7 @@ pub(super) fn as_written<'a>(found: Found<'a>, head: Option<&'a TableHead>) -> R
         Written::Unit(unit) if unit == map || is_fraction(map, unit) => Ok(found),
         Written::Unit(unit) => Ok(Found { unit, stated_unit: Some((text, map)), ..found }),
         Written::Other(other) if other.dimension() != map.dimension() && !is_of_name(head, path, text) => {
-            Err(format!("the table states {path} in {other}, and the channel map takes it for {map}"))
+            Err(format!("the unit of {path} is {other} in the table, but {map} in the channel map"))
         }
         // Brackets in a name may hold anything.
         Written::Unknown if !is_of_name(head, path, text) => Ok(Found { stated_unit: Some((text, map)), ..found }),
@@ -56,7 +56,7 @@ pub(super) fn check_times(rule: &ChannelRule, stamps: &[Stamps], head: Option<&T
         {
             let nanos = tick.nanos();
             return Err(format!(
-                "the table states {field} in {unit}, and the channel map takes it for ticks of {nanos} ns"
+                "the unit of {field} is {unit} in the table, but ticks of {nanos} ns in the channel map"
             ));
         }
     }
@@ -74,12 +74,13 @@ pub(super) fn compare(plan: &Plan<'_>, stated: &[StatedUnit], notices: &mut Noti
         let (name, path) = (&plan.rule.name, &found.column.path);
         let (what, text) = if found.unit == map {
             let text = format!(
-                "channel {name}: the table states {path} in {text:?}, which flightlag does not know; {map} is used"
+                "channel {name}: the table states the unit {text:?} for {path}, which flightlag does not know; {map} \
+                 is used"
             );
             (Graded::from(Code::UnitUnknown), text)
         } else {
             let text = format!(
-                "channel {name}: the table states {path} in {}, and it is converted from that; the channel map says {map}",
+                "channel {name}: {path} is converted from {}, the unit in the table; the channel map states {map}",
                 found.unit
             );
             (Code::UnitDiffers.at(Severity::Info), text)
@@ -93,7 +94,7 @@ pub(super) fn compare(plan: &Plan<'_>, stated: &[StatedUnit], notices: &mut Noti
         let same = dimension == found.unit.dimension() && (si / found.unit.to_si(1.0) - 1.0).abs() < SAME_SCALE;
         if !same {
             let text = format!(
-                "channel {}: the log states {} in {}, and the channel map takes it for {}; the map is followed",
+                "channel {}: the unit of {} is {} in the log, but {} in the channel map, which is used",
                 plan.rule.name, found.column.path, stated.text, found.unit
             );
             notices.push(Code::UnitDiffers, &plan.table.topic.name, plan.table.rows as u64, text);

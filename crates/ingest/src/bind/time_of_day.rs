@@ -54,7 +54,7 @@ fn is_compact(text: &str) -> bool {
 pub(super) fn times_of_day(field: &str, table: &Table, repairs: &mut Vec<Repair>) -> Option<Values<i64>> {
     let times = TimesOfDay::of(table, field)?;
     let mut stamps: Values<i64> = (0..table.rows).map(|row| since_midnight_ns(&times.at(row)?)).collect();
-    note_wraps(unwrap(&mut stamps, DAY_NS), "the time of day passed midnight; the timestamps run on", repairs);
+    note_wraps(unwrap(&mut stamps, DAY_NS), "the time of day passed midnight; the timestamps continue", repairs);
     Some(stamps)
 }
 
@@ -82,7 +82,7 @@ pub(super) fn days_of_year(
     // A known year may lack such a day.
     let is_in_year = |ns: &i64| begin.is_none() || *ns < length;
     let mut stamps: Values<i64> = days.iter().map(|day| day.as_ref().map(since_begin).filter(is_in_year)).collect();
-    note_wraps(unwrap(&mut stamps, length), "the day of the year wrapped around; the timestamps run on", repairs);
+    note_wraps(unwrap(&mut stamps, length), "the day of the year wrapped around; the timestamps continue", repairs);
     let dated = |since: i64, day: &DayOfYear| since.checked_add(begin.unwrap_or(0))?.checked_sub(east_ns(day));
     let stamps = stamps.iter().zip(&days).map(|(since, day)| dated(since?, day.as_ref()?)).collect();
     let clock = if begin.is_some() { Clock::Unix } else { Clock::Elapsed };

@@ -103,7 +103,7 @@ fn repairs(log: &Log, stamps: &[Option<Stamps>]) -> Notices {
         for repair in &stamps.repairs {
             // Timestamps are aligned first with the channels and then with all tables, so a repair may occur twice.
             let mut of_repair = Notices::new();
-            let text = format!("stamps in {}: {}", stamps.label, repair.text);
+            let text = format!("timestamps in {}: {}", stamps.label, repair.text);
             of_repair.push(repair.what, table.topic.name.as_str(), repair.count, text);
             notices.extend_unsaid(of_repair);
         }

@@ -350,12 +350,12 @@ pub(super) fn stamps_of(
         }
         let names: Vec<String> = sources().map(TimeSource::label).collect();
         let why: Vec<String> = remarks.iter().map(|remark| format!("; {remark}")).collect();
-        return Err(format!("no stamps ({}){}", names.join(" or "), why.concat()));
+        return Err(format!("no timestamps ({}){}", names.join(" or "), why.concat()));
     };
     found.swap(0, primary);
     if let Some(first) = found.first().filter(|f| f.kind != rule.timeline) {
         remarks.push(format!(
-            "no {} timestamps: the {} ones ({}) are used instead",
+            "no {} timestamps; the {} ones ({}) are used instead",
             rule.timeline, first.kind, first.label
         ));
     }
@@ -382,7 +382,7 @@ fn filled(
         match &mut first {
             Some(first) => first.fill(stamps),
             None if is_constant(&stamps.nanos) => {
-                remarks.push(format!("the {kind} stamps in {} never change and are not used", source.label()));
+                remarks.push(format!("the {kind} timestamps in {} never change and are not used", source.label()));
             }
             None => first = Some(stamps),
         }

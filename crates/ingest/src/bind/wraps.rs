@@ -9,9 +9,10 @@ use std::rc::Rc;
 /// A topic fits a number of wraps if at least this percentage of its time lies within that of the others.
 const WITHIN: i128 = 90;
 
-const SHIFTED: &str = "the counter wrapped around before this topic started, as the other topics show: its timestamps are shifted accordingly";
-const UNCLEAR: &str = "in other topics the counter wrapped around, and these timestamps fit before it as well as after: they are not shifted, \
-                       which is before";
+const SHIFTED: &str = "the other topics show that the counter wrapped around before this topic started: its \
+    timestamps are shifted accordingly";
+const UNCLEAR: &str = "in other topics the counter wrapped around; these timestamps fit before the wrap and after \
+    it. They are not shifted: they are assumed to be before it";
 
 /// The range of timestamps, ns.
 #[derive(Clone, Copy)]

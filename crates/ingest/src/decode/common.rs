@@ -100,7 +100,7 @@ fn completed_ros1(
         }
     }
     let lacks = match own.is_empty() {
-        true => format!("there is no message definition of {root}"),
+        true => format!("the message definition of {root} is missing"),
         false => format!("the definition of {root} lacks {}", missing.join(", ")),
     };
     Err(format!("{lacks}: {}", refusal.unwrap_or_default()))
@@ -147,16 +147,18 @@ fn completed<'t>(root: &str, own: &str, find: impl Fn(&str) -> Option<&'t str>) 
 
 fn unknown(name: &str) -> String {
     let (package, own) = name.split_once('/').unwrap_or(("PACKAGE", name));
-    format!("{name} is not built in (a folder given with --maps may hold it, as {package}/msg/{own}.msg)")
+    format!("{name} is not built in (put it into the --maps folder, as {package}/msg/{own}.msg)")
 }
 
 /// `text` if it matches the stated MD5 sum.
 fn agreeing(root: &str, text: String, md5sum: Option<&str>) -> Result<String, String> {
-    let stated =
-        md5sum.filter(|sum| sum.len() == 32).ok_or("the log states no MD5 sum to check other definitions by")?;
+    let stated = md5sum.filter(|sum| sum.len() == 32).ok_or(
+        "the log states no MD5 sum, so other definitions cannot be \
+            checked",
+    )?;
     let sum = type_sum(root, &text)?;
     if sum != stated {
-        return Err(format!("completed, its MD5 sum is {sum}, but the log states {stated:.32}"));
+        return Err(format!("the MD5 sum of the completed definition is {sum}, but the log states {stated:.32}"));
     }
     Ok(text)
 }

@@ -216,7 +216,7 @@ impl<'t> Parser<'t> {
             Token::Word(word) => Some(*word),
             _ => None,
         });
-        format!("behind {:.100}", last.unwrap_or("the beginning"))
+        format!("after {:.100}", last.unwrap_or("the beginning"))
     }
 
     /// Skips annotations; returns whether one of them makes a member optional.
@@ -400,7 +400,7 @@ impl<'t> Parser<'t> {
                 self.balanced('<', '>')?;
                 Type::Refused("a map")
             }
-            "any" | "fixed" => Type::Refused("a type of no fixed layout"),
+            "any" | "fixed" => Type::Refused("a type without a fixed layout"),
             name => Type::Named(name.to_owned(), self.scope.clone()),
         })
     }
@@ -440,7 +440,7 @@ impl Builder<'_> {
     /// The members of a structure, those of its base first.
     fn fields(&mut self, name: &str, depth: usize) -> Result<Vec<Field>, String> {
         let Some(Definition::Struct { base, members }) = self.types.get(name) else {
-            return Err(format!("{name}: no structure"));
+            return Err(format!("{name}: not a structure"));
         };
         let mut fields = vec![];
         if let Some(Type::Named(base, scope)) = base {
@@ -463,7 +463,7 @@ impl Builder<'_> {
         }
         match of {
             Type::Plain(kind) => Ok((*kind, Count::One)),
-            Type::Refused(what) => Err(format!("{what} is not read")),
+            Type::Refused(what) => Err(format!("{what} is not supported")),
             Type::Sequence(of) => Ok((self.element(of, depth + 1)?, Count::Variable)),
             Type::Array(of, count) => Ok((self.element(of, depth + 1)?, Count::Fixed(*count))),
             Type::Named(name, _) if is_time(name) => Ok((Kind::Time { signed_seconds: true }, Count::One)),
@@ -472,7 +472,7 @@ impl Builder<'_> {
                     resolve(self.types, scope, name).ok_or_else(|| format!("the type {name:.200} is not defined"))?;
                 match definition {
                     Definition::Alias(of) => self.kind(&of.clone(), depth + 1),
-                    Definition::Refused(what) => Err(format!("{what} is not read")),
+                    Definition::Refused(what) => Err(format!("{what} is not supported")),
                     Definition::Constant(_) => Err(format!("{name:.200} is not a type")),
                     Definition::Struct { .. } => Ok((Kind::Message(self.message(&full, depth + 1)?), Count::One)),
                 }

@@ -54,7 +54,7 @@ fn beyond(info: &TopicInfo, rows: &Rows) -> Vec<String> {
         _ => return vec![],
     };
     let last = format!("[{}]", most - 1);
-    let long = |path: &str| Some(format!("{}[{most}..] if there are so many", path.split_once(&last)?.0));
+    let long = |path: &str| Some(format!("{}[{most}..] if present", path.split_once(&last)?.0));
     rows.paths().filter_map(long).collect()
 }
 
@@ -172,6 +172,6 @@ mod tests {
         let text = format!(r#"{{"short":[{}],"full":[{}]}}"#, numbers(63), numbers(64));
         json::decode(text.as_bytes(), &crate::decode::Wanted::All, &mut rows).unwrap();
         let left_out = of(&info("json"), std::iter::empty(), &rows).unwrap();
-        assert_eq!((left_out.fields, left_out.names.as_str()), (1, "full[64..] if there are so many"));
+        assert_eq!((left_out.fields, left_out.names.as_str()), (1, "full[64..] if present"));
     }
 }

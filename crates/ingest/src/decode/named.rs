@@ -33,13 +33,13 @@ pub(super) fn plan(type_name: &str, text: &str, wanted: &Wanted, rows: &mut Rows
     check(&names)?;
     let fields = schema.messages.first_mut().map(|message| message.fields.as_mut_slice()).unwrap_or_default();
     if fields.len() != names.len() {
-        return Err(format!("it has {} fields and names for {}", fields.len(), names.len()));
+        return Err(format!("it has {} fields, but names for {}", fields.len(), names.len()));
     }
     fields.iter_mut().zip(names).for_each(|(field, name)| field.name = name);
     let wanted = with_marked_fields(wanted);
     let given = fields.iter().map(|field| field.name.as_str()).filter(|name| name.starts_with(GIVEN));
     for name in given.filter(|name| wanted.has(name)) {
-        rows.flag_column(name).ok_or("it has too many fields that may be absent")?;
+        rows.flag_column(name).ok_or("it has too many optional fields")?;
     }
     Ok(Plan::new(&schema, &wanted, rows))
 }
@@ -51,7 +51,7 @@ fn check(names: &[String]) -> Result<(), String> {
         return Err(format!("two of its fields are called {:.100}", twice.trim_start_matches(MARKS)));
     }
     match names.iter().filter_map(|name| name.strip_prefix(MARKS)).find(|name| !distinct.contains(name)) {
-        Some(name) => Err(format!("it has no field {name:.100} that another field could describe")),
+        Some(name) => Err(format!("another field describes {name:.100}, which it does not have")),
         None => Ok(()),
     }
 }
@@ -62,7 +62,7 @@ fn name_of(line: &str) -> Option<Result<String, String>> {
     let after_mark = |what: &str, mark| comment.strip_prefix(what).map(|name| (mark, name));
     let (mark, name) = after_mark("given ", GIVEN).or_else(|| after_mark("written ", WRITTEN)).unwrap_or(("", comment));
     let name = serde_json::from_str(name.trim_end()).ok().filter(|name: &String| !name.starts_with(MARKS));
-    Some(name.map(|name| format!("{mark}{name}")).ok_or_else(|| format!("{line:.100}: no name is said")))
+    Some(name.map(|name| format!("{mark}{name}")).ok_or_else(|| format!("{line:.100}: the name is missing")))
 }
 
 /// Adds the presence flag and the decimal text of each wanted field.

@@ -119,7 +119,7 @@ impl Plan {
     /// plan may set values of these rows. Returns how many bytes the record has in excess of its layout.
     pub(crate) fn decode(&mut self, record: &[u8], rows: &mut Rows) -> Result<usize, String> {
         if record.len() < self.shortest {
-            return Err(format!("{} bytes where its format has {}", record.len(), self.shortest));
+            return Err(format!("{} bytes, but its format has {}", record.len(), self.shortest));
         }
         if self.held.is_empty() {
             self.first = rows.len();

@@ -242,7 +242,7 @@ fn each_field<'p>(
     mut visit: impl FnMut(u32, Wire<'p>) -> Result<(), String>,
 ) -> Result<(), String> {
     while !bytes.is_empty() {
-        let (number, value) = field(&mut bytes).ok_or("its descriptor is cut or damaged")?;
+        let (number, value) = field(&mut bytes).ok_or("its descriptor is truncated or damaged")?;
         visit(number, value)?;
     }
     Ok(())
@@ -497,7 +497,7 @@ impl Plan {
             let (number, value) = field(&mut bytes).ok_or("the message ends inside a field, or is not a message")?;
             let Ok(at) = node.binary_search_by_key(&number, |step| step.number) else { continue };
             let (Some(step), Some(seen)) = (node.get(at), seen.get_mut(at)) else { continue };
-            self.step(step, value, seen, rows).ok_or_else(|| format!("{}: not of its type", step.path))??;
+            self.step(step, value, seen, rows).ok_or_else(|| format!("{}: wrong type", step.path))??;
         }
         for (step, seen) in node.iter().zip(seen) {
             if let What::Scalar { column, scalar, zero: true } = step.what

@@ -514,8 +514,8 @@ impl<'p> Walk<'p> {
         match *head {
             [0, 0, ..] => Ok(Walk { data, at: 0, aligned: true, big_endian: true, wide_unit: 2 }),
             [0, 1, ..] => Ok(Walk { data, at: 0, aligned: true, big_endian: false, wide_unit: 2 }),
-            [0, 2 | 3, ..] => Err("CDR parameter lists are not read".to_owned()),
-            [0, kind @ 6..=11, ..] => Err(format!("XCDR2 (encapsulation 0x{kind:04x}) is not read yet")),
+            [0, 2 | 3, ..] => Err("CDR parameter lists are not supported".to_owned()),
+            [0, kind @ 6..=11, ..] => Err(format!("XCDR2 (encapsulation 0x{kind:04x}) is not supported yet")),
             [high, low, ..] => Err(format!("encapsulation 0x{high:02x}{low:02x} is not CDR")),
         }
     }

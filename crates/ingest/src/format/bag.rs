@@ -37,7 +37,7 @@ fn check_version(file: &mut LogFile, context: &ReadContext<'_>) -> Result<(), In
     match first.strip_prefix("#ROSBAG V") {
         Some(version) if version.starts_with('1') => Err(IngestError::NotALog {
             file: file.name().to_owned(),
-            what: "a ROS bag of version 1, which is not read; rosbag fix makes a newer one of it".to_owned(),
+            what: "a ROS bag of version 1, which is not supported; convert it with rosbag fix".to_owned(),
         }),
         _ => super::refuse_foreign(file, WRONG_START, context),
     }
@@ -51,7 +51,7 @@ fn check_encryption(file: &mut LogFile) -> Result<(), IngestError> {
             let plugin = String::from_utf8_lossy(encryptor).into_owned();
             Err(IngestError::NotALog {
                 file: file.name().to_owned(),
-                what: format!("an encrypted ROS bag ({plugin:.100}), which is not read; decrypt it with its key first"),
+                what: format!("an encrypted ROS bag ({plugin:.100}); decrypt it first"),
             })
         }
         _ => Ok(()),

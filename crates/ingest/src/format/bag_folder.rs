@@ -94,7 +94,7 @@ impl Metadata {
         let read: Vec<String> = read.collect();
         let is_there = |name: &&String| read.contains(&inner(name));
         if let Some(why) = &self.broken {
-            let text = format!("it can be read no further than this: {why:.200}");
+            let text = format!("it cannot be read beyond this: {why:.200}");
             log.notices.push(Code::IndexDiffers, NAME, 1, text);
         }
         let mut found: BTreeMap<&str, u64> = BTreeMap::new();
@@ -107,24 +107,24 @@ impl Metadata {
             fewer += stated.saturating_sub(read);
             more += read.saturating_sub(stated);
             if stated != read && first.is_empty() {
-                first = format!("{topic:.200}, {stated} by {NAME} and {read} by what was read");
+                first = format!("{topic:.200}, {stated} in {NAME}, {read} in the files");
             }
         }
         for name in self.files.iter().filter(|name| !is_there(name)) {
             let (severity, text) = if self.topics.is_empty() || fewer + more > 0 {
-                (Severity::Loss, format!("{name:.200} is part of this recording and is not there"))
+                (Severity::Loss, format!("{name:.200} is part of this recording, but is missing"))
             } else {
-                let text = "is not there by this name; what was read has every message that the recorder counted";
+                let text = "is missing under this name; all messages that the recorder counted were read";
                 (Severity::Warning, format!("{name:.200} {text}"))
             };
             log.notices.push(Code::IncompleteRecording.at(severity), NAME, 1, text);
         }
         if fewer > 0 {
-            let text = format!("messages are missing that the recorder counted; the first topic: {first}");
+            let text = format!("messages that the recorder counted are missing; the first topic: {first}");
             log.notices.push(Code::IndexDiffers.at(Severity::Loss), NAME, fewer, text);
         }
         if more > 0 {
-            let text = format!("messages more than the recorder counted; the first topic: {first}");
+            let text = format!("more messages than the recorder counted; the first topic: {first}");
             log.notices.push(Code::IndexDiffers, NAME, more, text);
         }
     }
@@ -159,7 +159,7 @@ pub(crate) fn tell_gaps(files: &[PathBuf], notices: &mut Notices) {
         let (mut severity, mut expected) = (Severity::Warning, 0);
         for (number, name) in recording {
             if *number > expected {
-                let text = "files of this recording are not there, by the numbers in the names of the others";
+                let text = "files of this recording are missing: there are gaps in the numbers of the file names";
                 notices.push(
                     Code::IncompleteRecording.at(severity),
                     format!("before {name}"),

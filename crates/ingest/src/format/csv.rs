@@ -217,7 +217,7 @@ impl Reading<'_> {
             self.accounting.notices.push(Code::ColumnRenamed.at(severity), open.name, 1, text);
         }
         if layout.renamed > 0 && layout.header_line.is_some() {
-            let text = "columns without a name of their own were given one";
+            let text = "columns without a unique name were given one";
             self.accounting.notices.push(Code::ColumnRenamed, open.name, layout.renamed as u64, text);
         }
         let topic = self.topic_of(open, layout, stem);
@@ -344,7 +344,14 @@ impl Reading<'_> {
             let topic = if whole { self.named_topic(&name, "tagged", columns, open.name, &mut by_name) } else { known };
             match topic.and_then(|i| self.topics.get_mut(i)) {
                 Some(topic) => self.accounting.row(open, extent, topic, 0, b',', false),
-                None => self.accounting.reject(open, extent, format!("line {line}: the second field names no table")),
+                None => self.accounting.reject(
+                    open,
+                    extent,
+                    format!(
+                        "line {line}: the second field is not the name of a \
+                    table"
+                    ),
+                ),
             }
         }
         self.report(first, open.name);
@@ -383,7 +390,7 @@ impl Reading<'_> {
             }
         }
         if others > 0 {
-            let text = "lines that are not NovAtel messages are not read";
+            let text = "lines that are not NovAtel messages were skipped";
             self.accounting.notices.push(Code::Skipped, open.name, others, text);
         }
         self.report(first, open.name);
@@ -464,7 +471,7 @@ impl Accounting {
                     let limit = self.limits.line_bytes;
                     self.health.undecodable += 1;
                     if given_up {
-                        let reason = format!("line {line}: zero bytes; nothing after them is read");
+                        let reason = format!("line {line}: zero bytes; nothing after them was read");
                         self.ledger.damaged(open.name, offset, open.size - offset, reason);
                         open.lines.offset = open.size;
                         return Ok(None);
@@ -576,8 +583,8 @@ impl Accounting {
         }
         let extent = open.lines.first_line_of(extent);
         let expected = topic.width;
-        let cut = if extent.ended { "" } else { ", and no line end: the log was cut here" };
-        self.reject(open, extent, format!("line {line}: {width} fields where the header has {expected}{cut}"));
+        let cut = if extent.ended { "" } else { ", and no line end: the log is truncated here" };
+        self.reject(open, extent, format!("line {line}: {width} fields, but the header has {expected}{cut}"));
     }
 
     /// Reads a message. `open.fields` hold it already.
@@ -596,7 +603,7 @@ impl Accounting {
             return self.reject(
                 open,
                 extent,
-                format!("line {line}: {width} fields where its first one has {expected}"),
+                format!("line {line}: {width} fields, but the first row of this table has {expected}"),
             );
         }
         open.lines.pass(extent);
@@ -627,7 +634,7 @@ fn unusable(open: &Open<'_>, extent: Extent, topic: &Topic) -> Option<String> {
         return Some(format!("line {line}: quotes that do not match"));
     }
     if topic.is_below_other_header {
-        return Some(format!("line {line}: a row below another header"));
+        return Some(format!("line {line}: a row after another header"));
     }
     let has_zeros = open.lines.may_hold_zeros() && memchr::memchr(0, open.lines.text(extent)).is_some();
     has_zeros.then(|| format!("line {line}: zero bytes in the row"))

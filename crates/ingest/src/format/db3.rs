@@ -36,7 +36,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-const WRONG_START: &str = "the file does not begin as a SQLite database does";
+const WRONG_START: &str = "the file does not begin like a SQLite database";
 
 /// Reads ROS 2 bags in SQLite. The content is compared with `metadata.yaml`, if there is one among the files.
 pub(crate) fn read(files: &[PathBuf], want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
@@ -108,8 +108,9 @@ impl Source {
     fn tell_missing_wal(&self, described: bool, notices: &mut Notices) {
         let is_there = std::fs::metadata(wal::path_of(&self.path)).is_ok_and(|about| about.len() > 0);
         if self.write_ahead && !is_there && !described {
-            let text = "the recorder kept a write-ahead log (-wal), and the folder of the bag has none, or an empty one: unless the recorder closed \
-                        it, its last messages are missing, which the file itself cannot show";
+            let text = "the recorder used a write-ahead log (-wal), which is empty or not in the folder of the bag. \
+                If the recorder did not close the bag, its last messages are missing; the file itself does not show \
+                this";
             notices.push(Code::IncompleteRecording.at(Severity::Warning), self.file.name(), 1, text);
         }
     }
@@ -140,7 +141,7 @@ impl Source {
             }
             Beside::Useless(size, why) => {
                 let wal = wal::path_of(Path::new(&name)).to_string_lossy().into_owned();
-                ledger.damaged(&wal, 0, size, format!("the write-ahead log is of no use: {why}"));
+                ledger.damaged(&wal, 0, size, format!("the write-ahead log cannot be used: {why}"));
                 None
             }
         };
@@ -149,7 +150,8 @@ impl Source {
         let tail = size + wal.as_ref().map_or(0, |wal| wal.size);
         let (pages, sound) = Pages::open(open(&self.path, &name)?, name.clone(), size, wal)?;
         if !sound {
-            let text = "the head of the database is damaged; what pages could be found by their look were read";
+            let text = "the header of the database is damaged; pages that could be recognised by their content were \
+                read";
             notices.push(Code::Corrupt, name, 1, text);
         }
         read_database(pages, sound, tail, ledger, notices, topics, context)
@@ -161,11 +163,11 @@ fn open(path: &Path, name: &str) -> Result<File, IngestError> {
 }
 
 fn raise_wal(wal: &Wal, notices: &mut Notices) {
-    let text = "the recorder did not close this bag: its newest pages were read from its write-ahead log";
+    let text = "the recorder did not close this bag; its newest pages were read from its write-ahead log";
     notices.push(Code::IncompleteRecording.at(Severity::Info), wal.name.as_str(), 1, text);
     if wal.unfinished > 0 {
-        let text = "pages at the end of the write-ahead log belong to a transaction that was never finished, or are \
-                    damaged; they were not used";
+        let text = "pages at the end of the write-ahead log are damaged, or belong to an unfinished transaction; \
+            they were not used";
         notices.push(Code::IncompleteRecording.at(Severity::Loss), wal.name.as_str(), wal.unfinished, text);
     }
 }
@@ -179,7 +181,8 @@ fn raise_journal(path: &Path, name: &str, notices: &mut Notices) {
         file.metadata().is_ok_and(|about| about.is_file()) && file.read_exact(&mut magic).is_ok() && magic != [0; 8]
     });
     if hot {
-        let text = "the journal of the database shows that its last transaction did not end: it was read without rolling it back";
+        let text = "the journal of the database shows an unfinished last transaction; the database was read without \
+            rolling it back";
         notices.push(Code::IncompleteRecording.at(Severity::Warning), name, 1, text);
     }
 }
@@ -318,7 +321,8 @@ impl Losses<'_> {
         if !self.has_messages {
             let text = match self.write_ahead {
                 true => {
-                    "there is no table of messages: its recorder kept a write-ahead log (-wal): put it into the same folder"
+                    "there is no table of messages. The recorder used a write-ahead log (-wal): put it into the same \
+                     folder"
                 }
                 false => "there is no table of messages: is this a ROS 2 bag?",
             };
@@ -334,9 +338,10 @@ impl Losses<'_> {
                 notices.push(Code::Corrupt, name, count, text);
             }
         };
-        let text = "the file was cut: the database has more pages than there are in it";
+        let text = "the file is truncated: the database has more pages than the file";
         raise(lost.missing_pages, text);
-        let text = "the database leads to pages that are nowhere, or twice to one: what was on them is missing, unless it was found elsewhere";
+        let text = "the database refers to pages that do not exist, or twice to the same page; their content is \
+            missing unless it was found elsewhere";
         raise(if lost.missing_pages == 0 { lost.dead_ends } else { 0 }, text);
         raise(lost.bad_rows, "rows that cannot be read");
     }
@@ -349,11 +354,11 @@ impl Losses<'_> {
                 notices.push(Code::ReadLeniently, name, count, text);
             }
         };
-        let text = "pages of messages that nothing leads to any more were found by their look, and read";
+        let text = "pages of messages without a reference to them were recognised by their content, and read";
         raise(lost.found_pages, text);
-        let text = "rows on pages that nothing leads to were left out: they have the numbers of rows that were read";
+        let text = "rows on pages without a reference were skipped: rows with the same numbers were read elsewhere";
         raise(lost.copies, text);
-        let text = "the database does not know which of its pages are unused; those in use were read";
+        let text = "the list of unused pages of the database is damaged; the pages in use were read";
         raise(lost.spare_pages.into(), text);
     }
 }

@@ -55,7 +55,7 @@ impl Inflater {
             Codec::Lz4 => self.lz4(data, declared),
             Codec::Bz2 => self.bz2(data, declared),
         };
-        let wrong_length = || format!("the chunk holds {} bytes and declares {declared}", bytes.len());
+        let wrong_length = || format!("the chunk holds {} bytes, but declares {declared}", bytes.len());
         let fault = fault.or_else(|| (bytes.len() != declared).then(wrong_length));
         Inflated { bytes, fault }
     }
@@ -76,8 +76,8 @@ impl Inflater {
     pub(crate) fn message<'b>(&'b mut self, data: &'b [u8], limit: u64) -> Result<&'b [u8], String> {
         let declared = match zstd::zstd_safe::get_frame_content_size(data) {
             Ok(Some(bytes)) => bytes,
-            Ok(None) => return Err("zstd: the frame does not say how long its content is".to_owned()),
-            Err(_) => return Err("zstd: the head of the frame is damaged".to_owned()),
+            Ok(None) => return Err("zstd: the frame does not state the length of its content".to_owned()),
+            Err(_) => return Err("zstd: the header of the frame is damaged".to_owned()),
         };
         let inflated = self.inflate(Codec::Zstd, data, declared, limit);
         inflated.fault.map_or(Ok(inflated.bytes), Err)
@@ -106,7 +106,7 @@ impl Inflater {
 
     fn lz4(&mut self, data: &[u8], declared: usize) -> (&[u8], Option<String>) {
         let (filled, fault) = lz4_frame::decode(data, declared, AT_ONCE, &mut self.out);
-        let fault = fault.map(|fault| format!("the LZ4 data are cut or damaged ({fault})"));
+        let fault = fault.map(|fault| format!("the LZ4 data are truncated or damaged ({fault})"));
         (self.out.get(..filled).unwrap_or_default(), fault)
     }
 
@@ -124,7 +124,7 @@ impl Inflater {
                 Ok(0) => break,
                 Ok(more) => filled += more,
                 Err(e) => {
-                    fault = Some(format!("the bzip2 data are cut or damaged (decoder: {e})"));
+                    fault = Some(format!("the bzip2 data are truncated or damaged (decoder: {e})"));
                     break;
                 }
             }
@@ -142,7 +142,7 @@ fn zstd_fault(error: &str, declared: usize) -> String {
         "Destination buffer is too small" => {
             format!("the zstd data hold more than the declared {declared} bytes, or are damaged")
         }
-        "Src size is incorrect" => format!("the zstd data are cut (decoder: {error})"),
+        "Src size is incorrect" => format!("the zstd data are truncated (decoder: {error})"),
         "Data corruption detected" | "Restored data doesn't match checksum" | "Unknown frame descriptor" => {
             format!("the zstd data are damaged (decoder: {error})")
         }
@@ -233,7 +233,7 @@ mod tests {
         let damaged = fault(&wrong, content.len());
         assert!(damaged.starts_with("the zstd data are damaged (decoder: "), "{damaged}");
         let cut = fault(&good[..good.len() / 2], content.len());
-        assert!(cut.starts_with("the zstd data are cut (decoder: "), "{cut}");
+        assert!(cut.starts_with("the zstd data are truncated (decoder: "), "{cut}");
         assert_eq!(fault(&good, 1000), "the zstd data hold more than the declared 1000 bytes, or are damaged");
     }
 

@@ -242,7 +242,7 @@ impl<'t, 'w> Channels<'t, 'w> {
         };
         self.found += 1;
         let Some((route, stamped)) = self.way(channel) else {
-            let why = self.refusal.as_deref().unwrap_or("which no record announces");
+            let why = self.refusal.as_deref().unwrap_or("which no record defines");
             self.unplaced.add(|| format!("channel {channel}, {why}"));
             return Ok(Fate::Skipped);
         };
@@ -351,7 +351,7 @@ impl<'t, 'w> Channels<'t, 'w> {
     fn make_room(&mut self, bytes: usize) -> Result<(), String> {
         self.definition_bytes += bytes;
         if self.definition_bytes > MOST_DEFINITIONS {
-            return Err(format!("the definitions of this file are longer than {MOST_DEFINITIONS} bytes together"));
+            return Err(format!("the definitions of this file are longer than {MOST_DEFINITIONS} bytes in total"));
         }
         if self.redefined.count > MOST_REDEFINED {
             return Err(format!("more than {MOST_REDEFINED} definitions of this file replace others"));
@@ -451,11 +451,16 @@ impl<'t, 'w> Channels<'t, 'w> {
         compare_count("summary", stated, self.found, file, notices);
         tell_unplaced(&self.unplaced, file, notices);
         tell_broken(&self.broken, file, notices);
-        let text = "definitions were replaced by others of the same number";
+        let text = "definitions were replaced by others with the same number";
         self.redefined.tell(Code::Redefined, file, text, notices);
-        self.too_long.tell(Code::TooMuchData, file, "attachments longer than a record may be were not taken", notices);
+        self.too_long.tell(
+            Code::TooMuchData,
+            file,
+            "attachments longer than the limit of a record were not read",
+            notices,
+        );
         if self.late_stamps > 0 {
-            let text = "stamps beyond the year 2262 were set to the last instant before";
+            let text = "timestamps after the year 2262 were set to the last possible instant";
             notices.push(Code::UnreliableStamps, file, self.late_stamps, text);
         }
     }

@@ -325,7 +325,7 @@ impl Lines {
         let reason = match self.sentence(rest) {
             Ok(_) if is_damaged_tag(&unmarked(prefix)) => "the checksum of a tag block is wrong".to_owned(),
             Err(fault) if !rest.is_empty() => fault.to_string(),
-            _ => "no sentence".to_owned(),
+            _ => "not a sentence".to_owned(),
         };
         if self.has_text { format!("line {}: {reason}", self.number).into() } else { reason.into() }
     }
@@ -338,17 +338,22 @@ impl Lines {
             }
         };
         let Counts { unchecked, prefixes, preamble, headless, .. } = self.counts;
-        say(Code::NoChecksum.into(), unchecked, "sentences have no checksum: nothing shows whether they are intact");
-        say(Code::ReadLeniently.at(Severity::Info), headless, "sentences begin without `$`; their checksums are right");
+        say(Code::NoChecksum.into(), unchecked, "sentences have no checksum: their content cannot be verified");
+        say(
+            Code::ReadLeniently.at(Severity::Info),
+            headless,
+            "sentences begin without `$`; their checksums are \
+            correct",
+        );
         say(
             Code::Skipped.into(),
             prefixes,
-            "sentences follow text that is neither a Unix time nor a date with time and zone; that text was not read",
+            "sentences follow text that is neither a Unix time nor a date with time and zone; this text was not read",
         );
         say(
             Code::Skipped.into(),
             preamble,
-            "bytes of text outside sentences: comments, text before or after a sentence, and whole lines between",
+            "bytes of text outside sentences: comments, text before or after a sentence, and lines between sentences",
         );
     }
 

@@ -45,7 +45,7 @@ pub(crate) fn read(
     let first = files.first().map(|file| file.name().to_owned()).unwrap_or_default();
     let mut log = Reading { files, ledger, notices, topics }.conclude(log)?;
     if of_lines && log.health.topics.is_empty() && log.health.bytes.damaged == 0 {
-        return Err(IngestError::NotALog { file: first, what: "there is no NMEA sentence in it".to_owned() });
+        return Err(IngestError::NotALog { file: first, what: "the file has no NMEA sentence".to_owned() });
     }
     weeks.put(&mut log);
     marks.put(&mut log);

@@ -135,7 +135,7 @@ impl logscan::Framing for Records<'_, '_, '_> {
     fn fault(&self, bytes: &[u8]) -> Cow<'static, str> {
         match Frame::at(bytes.get(self.framing.front()..).unwrap_or_default()) {
             Ok(frame) => tlog_session::fault(&frame),
-            Err(NoFrame::Cut) => "a frame whose length is wrong".into(),
+            Err(NoFrame::Cut) => "a frame with a wrong length".into(),
             Err(NoFrame::Foreign) => NO_FRAME.into(),
         }
     }

@@ -72,7 +72,7 @@ pub(super) fn parse(bytes: &[u8]) -> Parsed {
 /// What is wrong where such a frame may begin.
 pub(super) fn fault(bytes: &[u8]) -> &'static str {
     match Frame::at(bytes) {
-        _ if bytes.first() == Some(&RTCM) => "the checksum of a correction is wrong",
+        _ if bytes.first() == Some(&RTCM) => "the checksum of an RTCM 3 message is wrong",
         fault => fault.err().unwrap_or(WRONG),
     }
 }
@@ -187,7 +187,9 @@ impl Frames {
         let route = *self.routes.entry(key).or_insert_with(|| {
             let info = TopicInfo { name: name.clone(), type_name: name.clone(), encoding: "ubx".to_owned() };
             let layout = || Message::of(class, number).map(Message::layout);
-            topics.packed_route(info, &[class, number], |_| layout().ok_or("this message is not read".to_owned())).ok()
+            topics
+                .packed_route(info, &[class, number], |_| layout().ok_or("this message is not supported".to_owned()))
+                .ok()
         });
         if route.is_none() {
             self.unplaced.add(|| name);
@@ -206,15 +208,15 @@ impl Frames {
             self.early = std::mem::take(&mut self.untimed);
         }
         let text = match self.receiver.weeks.are_told() {
-            true => "messages come before the first with a week, and are dated backwards from it",
-            false => "messages have a time of week, and the log has no week number",
+            true => "messages before the first one with a week are dated backwards from it",
+            false => "messages have a time of week, but the log has no week number",
         };
         self.early.tell(Code::Undated, "", text, notices);
-        let text = "messages of a receiver that did not know the time yet have none";
+        let text = "messages have no time because the receiver did not know it yet";
         self.untimed.tell(Code::Undated, "", text, notices);
         if self.receiver.nowhere > 0 {
-            let text = "velocities are in the earth's own axes, and no message near them says the place, without which north is \
-                        not known: they are not used";
+            let text = "velocities are in earth-fixed axes, but no message near them gives the position, so north is \
+                unknown: they are not used";
             notices.push(Code::RejectedRow, "NAV-VELECEF", self.receiver.nowhere, text);
         }
         let marks = self.receiver.early_marks();

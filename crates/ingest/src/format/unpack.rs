@@ -245,7 +245,7 @@ impl<R: BufRead> Part<R> for lz4::Decoder<R> {
 
     fn end(self) -> io::Result<R> {
         let (packed, end) = self.finish();
-        end.map_err(|_| io::Error::new(io::ErrorKind::UnexpectedEof, "the frame has no end"))?;
+        end.map_err(|_| io::Error::new(io::ErrorKind::UnexpectedEof, "the frame does not end"))?;
         Ok(packed)
     }
 }
@@ -386,7 +386,7 @@ impl<'c> Unpacking<'c> {
             };
             let Some(entry) = member.entry.as_ref().filter(|_| is_wanted) else { continue };
             if !entry.listed {
-                let text = "the ZIP archive has no list of its files at its end: it was cut there, or is damaged";
+                let text = "the ZIP archive has no list of files at its end: it is truncated or damaged";
                 self.notices.push(Code::IncompleteRecording, file_name(path), 1, text);
             }
             let target = self.target(&member.name)?;
@@ -426,7 +426,7 @@ impl<'c> Unpacking<'c> {
         self.written += bytes;
         let limit = self.context.limits.unpacked_bytes;
         if self.written > limit {
-            let what = format!("with the database it is larger than the limit of {limit} bytes");
+            let what = format!("together with the database it is larger than the limit of {limit} bytes");
             return Err(IngestError::Unusable { file: file_name(ahead), what });
         }
         std::fs::copy(ahead, write_ahead_log_of(target)).map(|_| ()).map_err(|e| IngestError::of_file(ahead, e))
@@ -459,7 +459,10 @@ impl<'c> Unpacking<'c> {
             if self.written > AT_ANY_RATIO.max(size.saturating_mul(MOST_TIMES)) {
                 bytes -= got as u64;
                 let name = packing.name();
-                break Some(format!("the {name} content is more than {MOST_TIMES} times as large, which no log is"));
+                break Some(format!(
+                    "the {name} content is more than {MOST_TIMES} times as large as the packed file; \
+                    no log is compressed so much"
+                ));
             }
             write_sparse(&mut out, buffer.get(..got).unwrap_or_default())
                 .map_err(|e| IngestError::of_file(target, e))?;
@@ -474,9 +477,9 @@ impl<'c> Unpacking<'c> {
     fn tell_fault(&mut self, piece: &Piece<'_>, fault: &str, bytes: u64) -> Result<(), IngestError> {
         let (file, at, end) = (file_name(piece.path), piece.at.get(), piece.place.end);
         if bytes == 0 {
-            return Err(IngestError::Unusable { file, what: format!("{fault}; nothing of it could be unpacked") });
+            return Err(IngestError::Unusable { file, what: format!("{fault}; nothing could be unpacked") });
         }
-        let what = format!("{fault}; the {bytes} bytes unpacked before that are read, nothing beyond");
+        let what = format!("{fault}; only the {bytes} bytes unpacked before it are read");
         self.notices.push(Code::Corrupt, format!("{file}, near byte {at}"), end - at.min(end) + 1, what);
         Ok(())
     }
@@ -503,10 +506,11 @@ fn fault_of(error: &io::Error, packing: Packing) -> String {
             format!("the window is larger than the limit of 2^{WINDOW_LOG} bytes; unpack it with zstd -d --long=31")
         }
         _ if packing == Packing::Zstd && text.contains("Dictionary mismatch") => {
-            "the Zstandard data need the dictionary that they were packed with; unpack them with zstd -d -D".to_owned()
+            "the Zstandard data need the dictionary that they were compressed with; unpack them with zstd -d -D"
+                .to_owned()
         }
         _ if error.raw_os_error().is_some() => text,
-        io::ErrorKind::UnexpectedEof => format!("the {name} data are cut: they end without their end mark"),
+        io::ErrorKind::UnexpectedEof => format!("the {name} data are truncated: the end mark is missing"),
         _ => format!("the {name} data are damaged (decoder: {text})"),
     }
 }

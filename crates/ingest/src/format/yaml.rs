@@ -54,7 +54,7 @@ pub(super) fn walk(text: &str, mut take: impl FnMut(&[&str], Option<&str>)) -> R
         take(&path, value);
         match event {
             Event::MappingStart(..) | Event::SequenceStart(..) if open.len() >= DEEPEST => {
-                return Err(format!("line {}: nested more than {DEEPEST} deep", span.start.line()));
+                return Err(format!("line {}: nested more than {DEEPEST} levels deep", span.start.line()));
             }
             Event::MappingStart(..) => open.push(Open::Map(None)),
             Event::SequenceStart(..) => open.push(Open::List),

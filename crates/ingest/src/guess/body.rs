@@ -54,7 +54,7 @@ impl TimedTriple<'_> {
         let columns = || self.group.columns.iter();
         if let Some((column, odd)) = columns().find_map(|column| Some((column, column.odd_unit.as_ref()?))) {
             return Err(format!(
-                "the table states {} in {odd:?}, which is not a unit of it that flightlag knows",
+                "the table states {} in {odd:?}, which flightlag does not know as a unit of it",
                 column.path
             ));
         }

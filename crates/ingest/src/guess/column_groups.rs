@@ -184,7 +184,7 @@ fn axes(of: impl Fn(Axis) -> Option<Named>) -> Option<(Named, Named, Option<Name
 pub(super) fn odd_unit(sources: &[TableColumns<'_>]) -> Option<String> {
     if let Some((path, unit)) = sources.iter().find_map(|source| source.odd_time.as_ref()) {
         return Some(format!(
-            "the table states the time {path} in {unit:?}, which is not a unit of time that flightlag knows"
+            "the table states the unit {unit:?} for the time {path}, which flightlag does not know as a unit of time"
         ));
     }
     let of_positions = sources.iter().flat_map(|s| &s.positions).map(|p| (&p.first, &p.second, &p.third));
@@ -193,10 +193,7 @@ pub(super) fn odd_unit(sources: &[TableColumns<'_>]) -> Option<String> {
         let columns = [Some(first), Some(second), third.as_ref()];
         columns.into_iter().flatten().find_map(|column| {
             let unit = column.odd_unit.as_ref()?;
-            Some(format!(
-                "the table states {} in {unit:?}, which is not a unit of it that flightlag knows",
-                column.path
-            ))
+            Some(format!("the table states the unit {unit:?} for {}, which flightlag does not know", column.path))
         })
     })
 }

@@ -130,7 +130,7 @@ pub(super) fn units_of_place(table: &Table, group: &Position) -> Vec<(Unit, Stri
         return vec![(stated, format!("the table states {stated}"))];
     }
     if !group.is_geodetic {
-        return unit("m").map(|m| (m, "taken as metres".to_owned())).into_iter().collect();
+        return unit("m").map(|m| (m, "assumed in metres".to_owned())).into_iter().collect();
     }
     let (latitude, longitude) = (largest(table, &group.first), largest(table, &group.second));
     let fits = |symbol: &str| {
@@ -154,8 +154,8 @@ pub(super) fn without_unit(table: &Table, group: &Position) -> String {
         let [x, y] = [&group.first.path, &group.second.path];
         let z = group.third.as_ref().map_or("", |z| &z.path);
         return format!(
-            "{x}, {y} and {z} are earth-centred coordinates; a channel map reads them as x, y and z with frame = \"ecef\", see \
-             `flightlag maps --example`"
+            "{x}, {y} and {z} are earth-centred coordinates; read them in a channel map as x, y and z with frame = \
+             \"ecef\", see `flightlag maps --example`"
         );
     }
     let [latitude, longitude] = [&group.first, &group.second].map(|column| (&column.path, largest(table, column)));
@@ -224,7 +224,7 @@ pub(super) fn decide(place: Timed<'_, Position>, motion: Timed<'_, Velocity>) ->
             let speeds = speeds(motion.table, motion.timing, motion.group, track);
             let metres = metres(place.table, place.timing, place.group, angle);
             match Windows::new(metres, speeds) {
-                None => why_not = "too little moves to compare them".into(),
+                None => why_not = "there is too little motion to compare them".into(),
                 Some(windows) => match fit(place, motion, &windows, (angle, &why), track) {
                     Ok(fit) => found.push(fit),
                     Err(why) => why_not = why,
@@ -273,18 +273,19 @@ fn fit(
     let is_unnamed = !place.group.is_geodetic && !names_axes(&place.group.first);
     let mut whys = vec![evidence(windows, &place.group.first.path, &found, speed)];
     if is_unnamed {
-        whys.push("nothing says where x points: it is called north, which changes no delay".into());
+        whys.push("it is unknown where x points: it is called north; this does not affect the delay".into());
     }
     if found.swapped {
         whys.push(format!("{} goes north and {} east", second.path, first.path));
     }
     whys.extend(notes);
-    let place_unit_why = if why.starts_with("tried") { format!("{angle}, as the motion says") } else { why.to_owned() };
+    let place_unit_why =
+        if why.starts_with("tried") { format!("{angle}, according to the motion") } else { why.to_owned() };
     // Where the velocity names its axes, they decide those of an unnamed position.
     let of_place = is_unnamed && names_axes(first);
     if of_place && found.signs[1] < 0.0 {
         return Err(format!(
-            "{} and {} count the other way than {} and {}",
+            "{} and {} have the opposite sign of {} and {}",
             place.group.first.path, place.group.second.path, first.path, second.path
         ));
     }
@@ -331,7 +332,7 @@ fn axes(place: &Position, motion: &Velocity, windows: &Windows) -> Result<Match,
     let (a, b) = (&motion.first.path, &motion.second.path);
     if best.agreement < LEAST_AGREEMENT {
         let agreement = best.agreement;
-        return Err(format!("{a} and {b} do not say how {} moves {AGREEMENT}{agreement:.2})", place.first.path));
+        return Err(format!("{a} and {b} do not fit the motion of {} {AGREEMENT}{agreement:.2})", place.first.path));
     }
     let named = motion.is_polar
         || names_axes(&motion.first) == names_axes(&place.first)
@@ -346,7 +347,8 @@ fn axes(place: &Position, motion: &Velocity, windows: &Windows) -> Result<Match,
     }
     if same_names {
         return Err(format!(
-            "the names say that {a} goes with {} and {b} with {}, and the motion says otherwise {AGREEMENT}{:.2}, where {} gives {:.2})",
+            "by name, {a} belongs to {} and {b} to {}, but the motion contradicts this {AGREEMENT}{:.2}; {} gives \
+             {:.2})",
             place.first.path,
             place.second.path,
             plain.agreement,
@@ -360,7 +362,8 @@ fn axes(place: &Position, motion: &Velocity, windows: &Windows) -> Result<Match,
         (true, false) => {
             let north = if best.swapped { b } else { a };
             Err(format!(
-                "{north} counts south positive, and a channel map has north alone: negate that column and try again"
+                "{north} is positive to the south, and a channel map knows only north: negate this column and try \
+                 again"
             ))
         }
         (true, true) => Ok(best),
@@ -371,7 +374,7 @@ fn described(found: Match) -> String {
     let order = if found.swapped { "exchanged axes" } else { "the same axes" };
     match found.signs {
         [n, e] if n > 0.0 && e > 0.0 => order.to_owned(),
-        _ => format!("{order} with another sign"),
+        _ => format!("{order} with other signs"),
     }
 }
 
@@ -402,7 +405,7 @@ fn unit_of_speed(motion: Timed<'_, Velocity>, scale: f64) -> Result<Unit, String
             Ok(*nearest)
         }
         _ => Err(format!(
-            "{} is {scale:.3} times as fast as the position moves in m/s, which is not a unit known",
+            "{} is {scale:.3} times as fast as the position moves in m/s, which is not a known unit",
             first.path
         )),
     }
@@ -461,18 +464,18 @@ fn direction(
             let up = (agreement > 0.0) == height_up;
             let (shown, word) = if up { (Vertical::Up, "up") } else { (Vertical::Down, "down") };
             let differs = by_name.is_some_and(|named| named != shown);
-            let note = || format!("{path} counts {word}, as {} shows, and not as its name says", height.path);
+            let note = || format!("{path} is positive {word}, as {} shows, against its name", height.path);
             (shown, differs.then(note))
         }
         (None, None) => {
-            (Vertical::LeftOut, Some(format!("{path} is left out: nothing shows whether it counts up or down")))
+            (Vertical::LeftOut, Some(format!("{path} is not used: it may be positive up or down; nothing shows which")))
         }
-        (None, Some(named)) => (named, Some(format!("the sign of {path} is by its name alone"))),
+        (None, Some(named)) => (named, Some(format!("the sign of {path} is assumed from its name"))),
     }
 }
 
 /// The end of the reason for an assumed unit.
-pub(super) const UNSHOWN: &str = "which nothing shows";
+pub(super) const UNSHOWN: &str = "which nothing confirms";
 /// Units in which heights are logged.
 const OF_HEIGHTS: [&str; 4] = ["m", "ft", "mm", "cm"];
 /// No flight table holds heights above this, m.
@@ -498,7 +501,7 @@ fn measured_height(
             Some(stated),
             differs.then(|| {
                 format!(
-                    "{} changes {times:.3} times as fast as {} says, if it is in {stated} as stated",
+                    "{} changes {times:.3} times as fast as {} gives, if it is in {stated} as stated",
                     height.path, third.path
                 )
             }),
@@ -508,12 +511,13 @@ fn measured_height(
     match OF_HEIGHTS.iter().find_map(fits) {
         Some(found) if found.symbol() == "m" => (Some(found), None),
         Some(found) => {
-            (Some(found), Some(format!("{} changes as {} says if it is in {found}", height.path, third.path)))
+            (Some(found), Some(format!("{} changes as {} gives if it is in {found}", height.path, third.path)))
         }
         None => {
             let (found, why) = plausible_height(table, height, angle);
             let times = 1.0 / per_unit(1.0);
-            let odd = format!("{} changes {times:.3} times as fast as {} says, if it is in m", height.path, third.path);
+            let odd =
+                format!("{} changes {times:.3} times as fast as {} gives, if it is in m", height.path, third.path);
             (found, Some(why.map_or(odd.clone(), |why| format!("{odd}; {why}"))))
         }
     }
@@ -527,16 +531,13 @@ pub(super) fn plausible_height(table: &Table, height: &Named, angle: Unit) -> (O
     let most = largest(table, height);
     let path = &height.path;
     if most <= HIGHEST_M {
-        return (unit("m"), Some(format!("{path} is taken as metres, {UNSHOWN}")));
+        return (unit("m"), Some(format!("{path} is assumed to be in metres, {UNSHOWN}")));
     }
     if most > HIGHEST_FT && angle.symbol() == "1e-7 deg" && unit("mm").is_some_and(|mm| mm.to_si(most) <= HIGHEST_M) {
         let why = format!(
-            "{path} is taken as mm: up to {most:.0} it is not a height in metres, and the table counts 1e-7 deg"
+            "{path} is assumed to be in mm: it reaches {most:.0}, too high for metres, and the table uses 1e-7 deg"
         );
         return (unit("mm"), Some(why));
     }
-    (
-        None,
-        Some(format!("{path} is left out: up to {most:.0} it is not a height in metres, and nothing shows its unit")),
-    )
+    (None, Some(format!("{path} is not used: it reaches {most:.0}, too high for metres, and its unit is unknown")))
 }

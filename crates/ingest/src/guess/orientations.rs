@@ -38,7 +38,7 @@ fn of_timing<'l>(source: &'l TableColumns<'l>, timing: &Timing) -> Vec<GuessedCh
     places.map(|what| of_one(vec![Found::of(source, timing, what)], vec![])).collect()
 }
 
-const JUDGED: &str = "by its names; the motion of the first file decides the axes";
+const JUDGED: &str = "by its names; the motion in the first file decides the axes";
 
 fn motions(group: &Velocity) -> Vec<Motion> {
     let Some(speed) = group.first.unit.or(unit("m/s")) else { return vec![] };

@@ -89,7 +89,7 @@ fn repeats(timing: &Timing) -> bool {
 
 fn finer(readings: Vec<Timing>) -> Vec<Timing> {
     let with_why = |reading: Timing| Timing {
-        why: format!("{}; the time before it repeats while the values change", reading.why),
+        why: format!("{}; the time column before it repeats while the values change", reading.why),
         ..reading
     };
     readings.into_iter().map(with_why).collect()
@@ -145,7 +145,9 @@ fn of_numbers(table: &Table, column: &Named, (middle, step): (f64, f64)) -> Vec<
         return found.into_iter().collect();
     }
     if let Some(unit) = UNITS.into_iter().find(|(_, scale)| UNIX_S.contains(&(middle * scale)) && step * scale < 1e3) {
-        return of_unit(unit, &format!("its size says {} since 1970 or 1980", unit.0), true).into_iter().collect();
+        return of_unit(unit, &format!("by its size it counts {} since 1970 or 1980", unit.0), true)
+            .into_iter()
+            .collect();
     }
     let plausible = UNITS.into_iter().filter(|(_, scale)| STEPS_S.contains(&(step * scale)));
     let mut found: Vec<Timing> =

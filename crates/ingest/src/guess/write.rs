@@ -68,10 +68,11 @@ fn left_out(places: &[Found<'_, Place>], motions: &[Found<'_, Motion>]) -> Vec<S
     let whys = places.iter().map(|place| &place.what.why).chain(motions.iter().map(|motion| &motion.what.why));
     let assumed = whys.flatten().filter(|why| why.ends_with(UNSHOWN)).cloned();
     let heights = heights.map(|column| match column.role {
-        super::names::Role::Height => format!("not bound: {}: nothing shows its unit", column.path),
-        _ => format!("not bound: {}: nothing shows its unit, or whether it counts up or down", column.path),
+        super::names::Role::Height => format!("not bound: {}: its unit is unknown", column.path),
+        _ => format!("not bound: {}: its unit is unknown, and whether it is positive up or down", column.path),
     });
-    let speeds = speeds.map(|column| format!("not bound: {}: nothing shows whether it counts up or down", column.path));
+    let speeds =
+        speeds.map(|column| format!("not bound: {}: it may be positive up or down; nothing shows which", column.path));
     heights.chain(speeds).chain(assumed).collect()
 }
 

@@ -23,11 +23,11 @@ pub(crate) fn suspicion(offset: &Distribution, at: Stamp) -> Option<String> {
     let quarters = (size / QUARTER_S).round();
     let counts = (size / (weeks_of(1) * WEEK_S) as f64).round() as i64;
     let text = if near(leaps, SLACK_S) {
-        format!("one of them seems to count GPS time: leap seconds ({leaps}) left out or applied twice")
+        format!("one of them seems to be GPS time: leap seconds ({leaps}) not applied, or applied twice")
     } else if near(2 * leaps, SLACK_S) {
-        format!("the {leaps} leap seconds seem to be applied twice, and the wrong way")
+        format!("the {leaps} leap seconds seem to be applied twice, with the wrong sign")
     } else if near(leaps + TAI_LESS_GPS_S, SLACK_S) || near(TAI_LESS_GPS_S, SLACK_S) {
-        "one of them seems to count atomic time (TAI)".to_owned()
+        "one of them seems to be atomic time (TAI)".to_owned()
     } else if steady && (near(1, EXACT_S) || near(2, EXACT_S)) {
         "one of them may have an outdated number of leap seconds".to_owned()
     } else if near(WEEK_S, QUARTER_S) {
@@ -51,9 +51,9 @@ pub(crate) fn set_back_for(back_s: f64, step_s: f64) -> Option<&'static str> {
     let quarters = (back_s / QUARTER_S).round();
     let seconds = back_s.round();
     if (1.0..=4.0 * 14.0).contains(&quarters) && (back_s - quarters * QUARTER_S).abs() <= SLACK_S {
-        Some("as where a clock is set to another time zone, or to winter time")
+        Some("as when a clock is set to another time zone, or to winter time")
     } else if step_s < SLACK_S && (1.0..=18.0).contains(&seconds) && (back_s - seconds).abs() <= EXACT_S {
-        Some("as where a receiver learns the leap seconds")
+        Some("as when a receiver receives the leap seconds")
     } else {
         None
     }
@@ -102,8 +102,8 @@ impl SaidDates {
         let guess = guess.unwrap_or_else(|| "its date is wrong".to_owned());
         let (date, why) = (date(earliest)?, since.why);
         let text = format!(
-            "the receiver says {date}, the earliest of {early} such dates among {all}, but {why}; {guess}. The dates are not \
-             changed"
+            "the receiver reports {date}, the earliest of {early} such dates among {all}, but {why}; {guess}. The \
+             dates are not changed"
         );
         Some((text, early))
     }

@@ -86,7 +86,7 @@ fn discovery_names_files_that_are_not_logs() {
     let library = MapLibrary::shipped().unwrap();
     for (name, bytes, what) in [
         ("page.txt", b"<!DOCTYPE html>\n<html></html>".as_slice(), "HTML page"),
-        ("pointer.txt", b"version https://git-lfs.github.com/spec/v1\n", "Git-LFS pointer"),
+        ("pointer.txt", b"version https://git-lfs.github.com/spec/v1\n", "Git LFS pointer"),
         ("empty.txt", b"", "empty file"),
         ("zeros.txt", &[0; 1024], "binary file"),
         ("packed.7z", b"7z\xbc\xaf\x27\x1c\0\0", "7-Zip archive"),
@@ -125,7 +125,7 @@ fn a_log_copied_as_text_is_reported_as_such() {
                 Ok(log) => log.notices.iter().map(|n| n.text.clone()).collect(),
                 Err(error) => error.to_string(),
             };
-            assert!(message.contains("copied as if it were text"), "{name}: {message}");
+            assert!(message.contains("copied in text mode"), "{name}: {message}");
         }
     }
 }

@@ -168,10 +168,10 @@ fn a_file_that_is_not_a_bag_is_rejected_by_name() {
         (&b"#ROSBAG V1.2\nsomething"[..], "version 1"),
         (b"", "empty"),
         (&[0; 10_000], "zero bytes"),
-        (&content[..4109], "cut before the end of its index"),
-        (b"<html><body>Not found</body></html>", "begins the file is wrong"),
+        (&content[..4109], "truncated before the end of its index"),
+        (b"<html><body>Not found</body></html>", "first line of the file is wrong"),
         (b"<html><body>Not found</body></html>", "it is text, its first line \"<html><body>Not"),
-        (b"time,lat\n1.5,47.25\n2.5,47.5\n", "a table by its look"),
+        (b"time,lat\n1.5,47.25\n2.5,47.5\n", "it looks like a table"),
     ] {
         let error = OnDisk::new(bytes, true).read().unwrap_err().to_string();
         assert!(error.contains(what), "{error}");
@@ -195,7 +195,7 @@ fn messages_whose_connection_is_lost_are_counted() {
     // Connections only at the end, and the end is truncated.
     let content = bag(&sent, BagCodec::Bz2, 9, false, false);
     let error = log_of(&content).unwrap_err().to_string();
-    assert!(error.contains("nothing in it is intact"), "{error}");
+    assert!(error.contains("nothing in the file is intact"), "{error}");
 }
 
 /// Messages, payload bytes and topics as the PyPI package rosbags 0.11.9 counts them.
@@ -359,7 +359,7 @@ fn a_connection_without_a_definition_is_not_an_empty_message_type() {
         |type_name, md5| OnDisk::new(&small(type_name, md5, "", None), true).read().unwrap().health.topics.remove(0);
     for (type_name, md5) in [("*", "*"), ("my_msgs/Fix", "2d3a8cd499b9b4a0249fb98fd05cfa48")] {
         let topic = read(type_name, md5);
-        assert!(!topic.decoded && topic.reason.starts_with("there is no message definition of"), "{topic:?}");
+        assert!(!topic.decoded && topic.reason.starts_with("the message definition is missing of"), "{topic:?}");
     }
     // The checksum of an empty text.
     assert!(read("std_msgs/Empty", "d41d8cd98f00b204e9800998ecf8427e").decoded);

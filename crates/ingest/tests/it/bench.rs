@@ -296,7 +296,7 @@ fn a_sensor_map_without_a_frame_is_rejected() {
             "fits only",
         ),
         (format!("quantity = \"angular-rate\"\n{}", fields(["left", "right", "up"], "rad/s")), "right does not fit"),
-        ("quantity = \"angular-rate\"\n[channel.fields]\n".into(), "no field: x, y or z"),
+        ("quantity = \"angular-rate\"\n[channel.fields]\n".into(), "no field: give x, y or z"),
         ("quantity = \"encoder-count\"\n[channel.fields]\n".into(), "the field count is missing"),
         (
             "quantity = \"encoder-angle\"\n[channel.fields]\nangle = { field = \"a\", unit = \"1\" }\n".into(),

@@ -54,7 +54,7 @@ fn unusable_rows_are_counted_by_reason_with_their_first_line() {
             ("latitude and longitude are zero: no fix", 1, "line 6"),
             ("gpsFix is below 3", 1, "line 7"),
             ("no stamp", 1, "line 8"),
-            ("stamp more than a day away from the others", 1, "line 9"),
+            ("timestamp more than a day away from the others", 1, "line 9"),
         ]
     );
     // The velocity of a row with a bad position is still a velocity.
@@ -71,14 +71,14 @@ fn rows_are_sorted_by_timestamp_and_the_first_of_equal_ones_is_kept() {
     assert_eq!(degrees, [47.1, 47.2, 47.3]);
     assert_eq!(
         reasons(health(&loaded, "position.gps")),
-        [("stamp equal to the one before, and another value", 1, "line 4")]
+        [("timestamp equal to the one before, but a different value", 1, "line 4")]
     );
     assert_eq!(health(&loaded, "position.gps").stamps.as_ref().unwrap().back_jumps, 2);
     // Once for each of the two channels; one notice reports the jumps of both.
     assert_eq!((count_of(&loaded, "unreliable-stamps"), count_of(&loaded, "duplicate-stamp")), (4, 2));
     let back: Vec<&Notice> = loaded.flight.notices.iter().filter(|n| n.code == "unreliable-stamps").collect();
     let [notice] = back.as_slice() else { panic!("{back:?}") };
-    assert!(notice.text.starts_with("2 channels, the first position.gps: stamps go back"), "{}", notice.text);
+    assert!(notice.text.starts_with("2 channels, the first of them position.gps: stamps go back"), "{}", notice.text);
 }
 
 #[test]
@@ -340,8 +340,7 @@ fn clocks_that_are_days_apart_are_reported_once_with_the_days() {
     let reported: Vec<(u64, &str)> =
         flight.notices.iter().filter(|n| n.code == "clock-suspect").map(|n| (n.count, n.text.as_str())).collect();
     // 1 699 999 990 s.
-    let text = "2 channels, the first position.gps: logged stamps are 19675.9 days later than measured ones, so they \
-                count different clocks";
+    let text = "2 channels, the first of them position.gps: logged timestamps are 19675.9 days later than measured ones, so they use different clocks";
     assert_eq!(reported, [(6, text)]);
 }
 
@@ -434,7 +433,7 @@ fn an_imu_without_orientation_is_no_warning_and_leaves_the_flight_unchanged() {
         |flight: &flight::Flight| flight.notices.iter().filter(|n| n.severity == flight::Severity::Warning).count();
     assert_eq!(warnings(&flight), warnings(&plain));
     let absent = flight.notices.iter().find(|n| n.code == "rejected-row").unwrap();
-    assert!(absent.text.contains("the orientation is zero or beyond measure (3)"), "{}", absent.text);
+    assert!(absent.text.contains("the orientation is zero or too large to normalise (3)"), "{}", absent.text);
 }
 
 #[test]

@@ -330,7 +330,7 @@ fn ragged_rows_are_rejected_with_their_line_and_bytes() {
     let damage: Vec<_> = log.health.damage.iter().map(|d| (d.offset, d.length, d.reason.as_str())).collect();
     assert_eq!(
         damage,
-        [(8, 2, "line 3: 1 fields where the header has 2"), (10, 6, "line 4: 3 fields where the header has 2")]
+        [(8, 2, "line 3: 1 fields, but the header has 2"), (10, 6, "line 4: 3 fields, but the header has 2")]
     );
     assert!(log.notices.any_loss());
 }
@@ -340,7 +340,7 @@ fn a_truncated_last_row_is_distinguished_from_a_missing_line_end() {
     let cut = read("t,x\n1,2\n3,4\n5");
     assert_eq!(
         cut.health.damage[0].reason,
-        "line 4: 1 fields where the header has 2, and no line end: the log was cut here"
+        "line 4: 1 fields, but the header has 2, and no line end: the log is truncated here"
     );
     // Only digits after the last delimiter may be missing.
     let open = read("t,x\n1,2\n3,45");
@@ -432,7 +432,7 @@ fn flysight_2_rows_go_to_the_tables_they_name() {
     assert_eq!(log.tables[1].column("wx").unwrap().data, ColumnData::F64(vec![0.25, 0.5]));
     assert_eq!(log.health.extras, ["FIRMWARE_VER = v1"]);
     let reasons: Vec<&str> = log.health.damage.iter().map(|d| d.reason.as_str()).collect();
-    assert_eq!(reasons, ["line 9: 1 fields where the header has 2", "line 10: no $COL line announces this row"]);
+    assert_eq!(reasons, ["line 9: 1 fields, but the header has 2", "line 10: no $COL line announces this row"]);
 }
 
 #[test]
@@ -567,7 +567,7 @@ fn rows_that_name_their_table_go_to_it_and_keep_its_width() {
     assert_eq!(table("imu").column("column_5").unwrap().number(1), Some(6.0));
     // The row truncated at the end lost its value, and the short one is reported.
     assert_eq!(table("baro").column("column_3").unwrap().number(4), None);
-    assert_eq!(log.health.damage[0].reason, "line 9: 4 fields where the header has 5");
+    assert_eq!(log.health.damage[0].reason, "line 9: 4 fields, but the header has 5");
 }
 
 const NOVATEL: &str = "#INSPVAA,COM1,0,31.0,FINESTEERING,1264,144088.000,00040000,5615,1541;1264,144088.002284950,51.116827527,-114.037738908,401.191547167,354.846489850,108.429407241,-10.837482850,1.116219952,-3.476059035,7.372686190,INS_ALIGNMENT_COMPLETE*af719fd9\r\n";

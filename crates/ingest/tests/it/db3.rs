@@ -685,8 +685,11 @@ fn a_bag_without_definitions_uses_common_ones_if_they_fit() {
     assert_eq!(column("vector.z").number(0), Some(3.25));
     assert_eq!(column("header.stamp").integer(0), Some(5_000_000_007));
     let reasons: Vec<&str> = log.health.topics.iter().map(|t| t.reason.as_str()).collect();
-    assert!(reasons[1].contains("ends inside") && reasons[2].contains("no message definition"), "{reasons:?}");
-    assert!(reasons[3].contains("longer than the common definition"), "{reasons:?}");
+    assert!(
+        reasons[1].contains("ends inside") && reasons[2].contains("the message definition is missing"),
+        "{reasons:?}"
+    );
+    assert!(reasons[3].contains("longer than the built-in definition"), "{reasons:?}");
     assert_eq!(notice(&log, "definition-supplied").count, 3);
 }
 

@@ -110,7 +110,7 @@ fn a_definition_that_fails_its_md5_sum_is_rejected_with_topic_and_type() {
     let text = &notice(&log, "not-decoded").text;
     for part in [
         "the definition of sensor_msgs/NavSatFix lacks std_msgs/Header",
-        "its MD5 sum is 2d3a8cd499b9b4a0249fb98fd05cfa48, but the log states 2d3a8cd499b9b4a0249fb98fd05cfa49",
+        "the MD5 sum of the completed definition is 2d3a8cd499b9b4a0249fb98fd05cfa48, but the log states 2d3a8cd499b9b4a0249fb98fd05cfa49",
         fixes[0].topic.name.as_str(),
     ] {
         assert!(text.contains(part), "{part}: {text}");

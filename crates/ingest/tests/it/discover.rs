@@ -188,8 +188,8 @@ fn only_regular_files_are_opened() {
     let _socket = std::os::unix::net::UnixListener::bind(folder.path().join("socket.csv")).unwrap();
     let found = found(folder.path());
     assert_eq!(ids(&found), [("log.csv", LogKind::Csv, 1)]);
-    assert!(reason(&found, "pipe.csv").contains("no regular file"));
-    assert!(reason(&found, "socket.csv").contains("no regular file"));
+    assert!(reason(&found, "pipe.csv").contains("not a regular file"));
+    assert!(reason(&found, "socket.csv").contains("not a regular file"));
 }
 
 #[test]

@@ -196,12 +196,12 @@ fn bindings_that_motion_contradicts_or_leaves_open_are_rejected() {
         format!("{t:.1},{:.9},{:.9},{h:.3},{e:.4},{n:.4},{:.4}", deg(a), deg(b), -u)
     });
     let error = refused(&swapped);
-    assert!(error.contains("the names say that vn goes with lat") && error.contains("exchanged axes"), "{error}");
+    assert!(error.contains("by name, vn belongs to lat") && error.contains("exchanged axes"), "{error}");
     let odd = table("time,lat,lon,vn,ve", |t, [a, b, _], [n, e, _]| {
         format!("{t:.1},{:.9},{:.9},{:.4},{:.4}", deg(a), deg(b), 7.3 * n, 7.3 * e)
     });
     let error = refused(&odd);
-    assert!(error.contains("vn is 7.2") && error.contains("not a unit known"), "{error}");
+    assert!(error.contains("vn is 7.2") && error.contains("not a known unit"), "{error}");
     let stated = table("time,lat,lon,vn_mps,ve_mps", |t, [a, b, _], [n, e, _]| {
         format!("{t:.1},{:.9},{:.9},{:.4},{:.4}", deg(a), deg(b), 3.6 * n, 3.6 * e)
     });
@@ -210,7 +210,7 @@ fn bindings_that_motion_contradicts_or_leaves_open_are_rejected() {
         format!("{t:.1},{:.9},{:.9},{n:.4},{e:.4}", deg(a), deg(b))
     });
     let error = refused(&unknown);
-    assert!(error.contains("furlongs") && error.contains("not a unit of it that flightlag knows"), "{error}");
+    assert!(error.contains("furlongs") && error.contains("which flightlag does not know"), "{error}");
     let still = table("time,lat,lon,vn,ve", |t, _, _| format!("{t:.1},0.5,0.5,0,0"));
     let error = refused(&still);
     assert!(error.contains("cannot be bound by guess"), "{error}");
@@ -261,7 +261,7 @@ fn the_time_column_unit_and_clock_are_stated_and_unknown_units_rejected() {
     assert!(summary(&known).contains("; time = time [s], clock elapsed, logged;"), "{}", summary(&known));
     assert_is_truth(&load_text(&with_units("(GPS)")));
     let error = load_text(&with_units("(fortnight)")).binding.unwrap_err();
-    assert!(error.contains("the table states the time time in \"(fortnight)\""), "{error}");
+    assert!(error.contains("the table states the unit \"(fortnight)\" for the time time"), "{error}");
 }
 
 /// 13:59:00 to 14:00:30 as numbers: each minute ends with a jump of 41.
@@ -315,7 +315,7 @@ fn a_height_of_unknown_unit_is_reported_as_assumed() {
         format!("{t},{},{},{},{n},{e}", deg(a), deg(b), h / 0.3048)
     });
     let summary = summary(&load_text(&text));
-    assert!(summary.contains("alt is taken as metres, which nothing shows"), "{summary}");
+    assert!(summary.contains("alt is assumed in metres, which nothing confirms"), "{summary}");
 }
 
 /// No ECEF axis points north, although x and y move consistently with their velocities.
@@ -375,7 +375,7 @@ fn axes_that_contradict_latitude_and_longitude_are_not_called_north_and_east() {
         format!("{t},{},{},{east},{up},{},{e},{u},{}", deg(a), deg(b), -north, -n)
     });
     let error = load_text(&text).binding.unwrap_err();
-    assert!(error.contains("vx and vy do not say how lat moves"), "{error}");
+    assert!(error.contains("vx and vy do not fit the motion of lat"), "{error}");
 }
 
 #[test]
@@ -432,10 +432,10 @@ fn an_imu_that_may_have_started_at_another_time_is_not_bound() {
         summary(&load(&tables(&paths)).unwrap())
     };
     for shared in [summary_of(0.0, 0.0), summary_of(7.3, 0.0)] {
-        assert!(shared.contains("specific-force") && !shared.contains("began together"), "{shared}");
+        assert!(shared.contains("specific-force") && !shared.contains("started together"), "{shared}");
     }
     let own = summary_of(7.3, 7.3);
-    assert!(!own.contains("specific-force") && own.contains("nothing shows whether they began together"), "{own}");
+    assert!(!own.contains("specific-force") && own.contains("it is unknown whether these started together"), "{own}");
 }
 
 #[test]
@@ -466,7 +466,7 @@ fn the_unit_of_a_height_is_that_of_the_vertical_velocity_or_unknown() {
         format!("{t:.1},{:.9},{:.9},{:.0},{n:.4},{e:.4}", deg(a), deg(b), 1e3 * h)
     });
     let open = load_text(&open);
-    assert!(summary(&open).contains("not bound: alt: nothing shows its unit"), "{}", summary(&open));
+    assert!(summary(&open).contains("not bound: alt: its unit is unknown"), "{}", summary(&open));
 }
 
 #[test]
@@ -694,7 +694,7 @@ fn a_suggested_map_has_attitude_rates_and_forces_with_reasons() {
         "name = \"attitude.ins\"",
         "frame = \"frd-ned\"",
         "yaw = { field = \"yaw\", unit = \"deg\" }",
-        "yaw follows the course of the velocity to 1.000 if it counts clockwise from north",
+        "yaw agrees with the course of the velocity to 1.000 if it counts clockwise from north",
         "name = \"angular-rate.imu\"",
         "z = { field = \"gyro_z\", unit = \"rad/s\" }",
         "they agree with the turns of yaw",
@@ -728,7 +728,7 @@ fn attitude_rates_or_forces_that_motion_contradicts_are_rejected() {
     let (channels, summary) = body(|[roll, pitch, yaw]| [roll, pitch, -yaw], same, same);
     assert!(!channels.contains("attitude") && summary.contains("anticlockwise from north"), "{channels}: {summary}");
     let (channels, summary) = body(|[roll, pitch, yaw]| [roll, -pitch, yaw], same, same);
-    assert!(!channels.contains("attitude") && summary.contains("pitch counts the other way"), "{channels}: {summary}");
+    assert!(!channels.contains("attitude") && summary.contains("pitch has the opposite sign"), "{channels}: {summary}");
     let (channels, summary) = body(same, |rates| rates.map(|rate| 7.0 * rate), same);
     assert!(
         !channels.contains("rate") && summary.contains("times as fast as the attitude turns"),
@@ -736,11 +736,11 @@ fn attitude_rates_or_forces_that_motion_contradicts_are_rejected() {
     );
     let (channels, summary) = body(same, |[p, q, r]| [p, q, -r], same);
     assert!(
-        !channels.contains("rate") && summary.contains("p, q and r: they do not say how yaw"),
+        !channels.contains("rate") && summary.contains("p, q and r: they do not fit the changes of yaw"),
         "{channels}: {summary}"
     );
     let (channels, summary) = body(same, same, |[x, y, z]| [x, y, z + G]);
-    assert!(!channels.contains("force") && summary.contains("gravity may be taken out"), "{channels}: {summary}");
+    assert!(!channels.contains("force") && summary.contains("gravity may have been removed"), "{channels}: {summary}");
     let (channels, summary) = body(same, same, |forces| forces.map(|f| -f));
     assert!(!channels.contains("force") && summary.contains("along gravity"), "{channels}: {summary}");
 }

@@ -49,7 +49,7 @@ fn a_wrong_map_is_rejected_with_file_line_and_reason() {
         ("east = { field = \"b\", unit = \"kt\" }\n", "", "the field east is missing"),
         ("clock = \"boot\"", "clock = \"moon\"", ":5: "),
         (", clock = \"boot\"", "", "needs a clock"),
-        ("unit = \"kt\"", "unit = \"kt\", above = \"ellipsoid\"", "east: only a height is above something"),
+        ("unit = \"kt\"", "unit = \"kt\", above = \"ellipsoid\"", "east: `above` is for heights only"),
         ("schema = 1", "schema = 2", "schema 2"),
         ("timeline = \"logged\"", "timeline = \"later\"", ":9: "),
     ] {

@@ -342,9 +342,9 @@ fn messages_without_a_channel_or_a_schema_are_counted_with_the_reason() {
     });
     let log = OnDisk::new(&content, false).read_where(|_| Selection::All).unwrap();
     let reason = |name: &str| log.health.topics.iter().find(|t| t.name == name).unwrap().reason.clone();
-    assert_eq!(reason("/bare"), "there is no message definition");
-    assert_eq!(reason("/proto"), "its descriptor is cut or damaged");
-    assert!(reason("/flat").starts_with("FlatBuffers are not read"));
+    assert_eq!(reason("/bare"), "the message definition is missing");
+    assert_eq!(reason("/proto"), "its descriptor is truncated or damaged");
+    assert!(reason("/flat").starts_with("FlatBuffers are not supported"));
     let bare = log.health.topics.iter().find(|t| t.name == "/bare").unwrap();
     assert_eq!(bare.stamps[0].first_ns, i64::MAX);
     assert_eq!(notice(&log, "unreliable-stamps").count, 3);
@@ -617,7 +617,7 @@ fn faults_at_the_ends_of_a_file_are_reported() {
     assert_eq!((junk.health.bytes.damaged, junk.health.damage[0].offset), (15, content.len() as u64));
     let no_magic = read(&content[..content.len() - 8]).unwrap();
     assert_received(&no_magic, &sent, true);
-    assert!(notice(&no_magic, "incomplete-recording").text.contains("just after its footer"));
+    assert!(notice(&no_magic, "incomplete-recording").text.contains("directly after its footer"));
     let bad_start = read(&[b"\x89MCXP0\r\n", &content[8..]].concat()).unwrap();
     assert_received(&bad_start, &sent, true);
     assert_eq!(bad_start.health.bytes.damaged, 8);
@@ -627,8 +627,8 @@ fn faults_at_the_ends_of_a_file_are_reported() {
         (&b""[..], "empty"),
         (&[0; 5000], "zero bytes"),
         (&content[..8], "no footer"),
-        (b"<!DOCTYPE html><html><head><title>404</title></head></html>", "begin the file are wrong"),
-        (b"\x89", "begin the file are wrong"),
+        (b"<!DOCTYPE html><html><head><title>404</title></head></html>", "first eight bytes of the file are wrong"),
+        (b"\x89", "first eight bytes of the file are wrong"),
     ] {
         let error = read(bytes).unwrap_err().to_string();
         assert!(error.contains(what), "{error}");
@@ -721,7 +721,7 @@ fn topics_beyond_the_limit_are_rejected_and_their_messages_counted() {
 #[test]
 fn text_named_mcap_is_distinguished_from_a_damaged_log() {
     for (text, what) in [
-        (&b"time,lat\n1.5,47.25\n2.5,47.5\n"[..], "a table by its look"),
+        (&b"time,lat\n1.5,47.25\n2.5,47.5\n"[..], "it looks like a table"),
         ("Z\u{fc}rich, 5 May\nWe flew well.\n".as_bytes(), "its first line \"Z\u{fc}rich, 5 May\""),
     ] {
         let error = OnDisk::new(text, false).read().unwrap_err();
@@ -844,7 +844,7 @@ fn the_other_real_files_have_the_counts_of_the_python_library() {
     }
     let Some(path) = real_logs("mcap-crate/chunk_not_closed.mcap") else { return };
     let error = in_context(|c| reader(path, false).read(&|_: &TopicInfo| Selection::All, c)).unwrap_err();
-    assert!(error.to_string().contains("a chunk that is cut"), "{error}");
+    assert!(error.to_string().contains("a truncated chunk"), "{error}");
 }
 
 /// An unchunked file of one channel `/gps/fix` with these messages.
@@ -910,7 +910,11 @@ fn a_type_the_recorder_did_not_find_uses_the_common_definition() {
         assert!(log.tables.is_empty() && lost(&log), "{:?}", log.notices);
         if encoding != "ros2msg" {
             let log = read("my_msgs/msg/Own", &vector);
-            assert!(log.health.topics[0].reason.contains("no message definition"), "{:?}", log.health.topics);
+            assert!(
+                log.health.topics[0].reason.contains("the message definition is missing"),
+                "{:?}",
+                log.health.topics
+            );
         }
     }
 }

@@ -25,7 +25,7 @@ fn a_line_of_units_is_converted_and_reported() {
     let notice = loaded.flight.notices.iter().find(|n| n.code == "unit-differs").unwrap();
     assert_eq!(
         notice.text,
-        "channel velocity.gps: the table states velN in km/h, and it is converted from that; the channel map says m/s"
+        "channel velocity.gps: velN is converted from km/h, the unit in the table; the channel map states m/s"
     );
     assert!(loaded.binding.unwrap().channels[1].source.fields.contains(&"velN [km/h]".to_owned()));
 }
@@ -84,7 +84,7 @@ fn a_field_that_the_log_lacks_is_an_error_with_the_nearest_name() {
     assert_eq!(
         loaded.binding.unwrap_err(),
         "the channel map mine names fields that the log does not have: velocity.gps: topic flight has no \"vnorth\" (the \
-         nearest name is \"v_north\"); correct the names, or say `optional = true` in the channel"
+         nearest name is \"v_north\"); correct the names, or write `optional = true` in the channel"
     );
     // Each channel with a slip: no channel binds, but the names are still reported.
     let none = with_map(&MINE.replace("my_lat", "my_latt"), table).binding.unwrap_err();

@@ -383,7 +383,7 @@ fn bytes_that_are_not_a_message_are_rejected_with_a_reason() {
     assert_eq!(in_table(&log.tables[0], "int32", 2).as_deref(), Some("5.0"));
     for (type_name, schema, word) in [
         ("test.None", &set[..], "not in its descriptor"),
-        ("test.All", &set[..100], "cut or damaged"),
+        ("test.All", &set[..100], "truncated or damaged"),
         ("test.All", &[], "not in"),
     ] {
         let log = read(&mcap_of(type_name, schema, &messages), |_| Selection::All);

@@ -151,7 +151,7 @@ pub fn check_refusals(reader: Reader, of_a_letter: &str) {
     for (bytes, reason) in [
         (&b""[..], "empty"),
         (&[0; 5000], "zero bytes"),
-        (&[0x17; 5000], "nothing in it is intact"),
+        (&[0x17; 5000], "nothing in the file is intact"),
         (b"a letter to a friend, in which nothing is measured at all", of_a_letter),
     ] {
         let error = read_bytes(reader, bytes).unwrap_err().to_string();

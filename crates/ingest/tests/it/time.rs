@@ -123,7 +123,7 @@ fn timestamp_corrections_of_a_topic_are_reported_once() {
     assert_eq!(loaded.flight.channels.len(), 2);
     let reported: Vec<_> = loaded.flight.notices.iter().filter(|n| n.code == "stamp-wrap").collect();
     assert_eq!((reported.len(), reported[0].count), (1, 1));
-    assert!(reported[0].text.starts_with("2 channels, the first velocity.gps: "), "{}", reported[0].text);
+    assert!(reported[0].text.starts_with("2 channels, the first of them velocity.gps: "), "{}", reported[0].text);
 }
 
 #[test]
@@ -159,7 +159,7 @@ fn the_day_of_a_date_with_slashes_is_not_guessed() {
     assert_eq!(stamps(&loaded)[0], 1_624_469_264 * S);
     assert_eq!(count_saying(&loaded, "date-inferred", "day first, as 23/06/2021"), 2);
     let why = read(&library(civil, ""), &text("05/06/2021")).unwrap().binding.unwrap_err();
-    assert!(why.contains("cannot tell which number is the day in date, as 05/06/2021; say order ="), "{why}");
+    assert!(why.contains("date is ambiguous: which number of 05/06/2021 is the day? Write order ="), "{why}");
     for (order, day) in [("day-month-year", 1_622_914_064), ("month-day-year", 1_620_322_064)] {
         let civil = format!("measured = [{{ date = \"date\", order = \"{order}\", time = \"time\" }}]");
         let loaded = read(&library(&civil, ""), &text("05/06/2021")).unwrap();
@@ -211,7 +211,7 @@ fn the_receivers_time_dates_the_clock_since_boot_and_moves_no_sample() {
     assert!(tie.spread_s.min >= -0.002 - 1e-9 && tie.spread_s.max <= 0.002 + 1e-9);
     assert_eq!(loaded.health.utc.as_ref(), Some(tie));
     assert_eq!(
-        (count_saying(&loaded, "utc-tie", "is dated by"), count_saying(&loaded, "utc-tie", "more than a second off")),
+        (count_saying(&loaded, "utc-tie", "is dated by"), count_saying(&loaded, "utc-tie", "by more than a second")),
         (49, 1)
     );
     assert_eq!(stamps(&loaded)[0], 5_301_000_000);
@@ -462,7 +462,7 @@ fn wrapped(times: [&str; 2], range: i64, begins: [i64; 2], wrong: [Option<(i64, 
     // The third table may report more of them.
     let bound = notices_of_stamps(&loaded.flight.notices, &["the_position".into(), "the_velocity".into()]);
     assert!(bound.iter().all(|notice| reported.contains(notice)), "{bound:?} in {reported:?}");
-    (found, count_saying(&loaded, "stamp-wrap", "fit before it as well"))
+    (found, count_saying(&loaded, "stamp-wrap", "fit before the wrap and after it"))
 }
 
 const TIME_OF_DAY: &str = "unit = \"s\", clock = \"elapsed\"";
@@ -546,10 +546,10 @@ fn a_clock_set_back_is_reported_with_amount_and_likely_cause() {
     for (back_ms, reported) in [
         (
             3_600_000,
-            ", at most by 3600.000 s, as where a clock is set to another time zone, or to winter time; the rows",
+            ", by 3600.000 s at most, as when a clock is set to another time zone, or to winter time; the rows",
         ),
-        (3000, ", at most by 3.000 s, as where a receiver learns the leap seconds; the rows"),
-        (340, ", at most by 0.340 s; the rows"),
+        (3000, ", by 3.000 s at most, as when a receiver receives the leap seconds; the rows"),
+        (340, ", by 0.340 s at most; the rows"),
     ] {
         let row = |i: i64| {
             let ms = 1_700_000_000_000 + 100 * i - if i < 100 { 0 } else { back_ms };

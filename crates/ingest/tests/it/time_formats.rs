@@ -226,7 +226,7 @@ fn a_time_followed_by_an_invalid_offset_is_rejected() {
         for rest in ["+garbage", " Garbage", "-", "+99:00"] {
             let row = |i: i64| format!("{date}{}{rest}", clock_face(OF_DAY + STEP * i).join(":"));
             let why = unbound(&format!("field = \"t\", text = \"{text}\""), "t", row);
-            assert!(why.contains(&format!("not understood is t: {}", row(0))), "{why}");
+            assert!(why.contains(&format!("this cannot be read: t: {}", row(0))), "{why}");
         }
     }
 }
@@ -265,7 +265,7 @@ fn seconds_of_the_day_in_a_column_of_times_are_not_taken_for_hours_and_minutes()
     let (_folder, path) = file("t.csv", format!("d;t;lat;lon\n{table}").as_bytes());
     let loaded = in_context(|context| ingest::load(&tables(&[path]), &library, Some("t"), context)).unwrap();
     let why = loaded.binding.unwrap_err();
-    assert!(why.contains("no stamps (d, t); not understood is d: 2024-05-10, t: 62864.3"), "{why}");
+    assert!(why.contains("no timestamps (d, t); this cannot be read: d: 2024-05-10, t: 62864.3"), "{why}");
 }
 
 #[test]
@@ -287,15 +287,15 @@ fn a_sixteen_bit_counter_wraps_around_if_the_map_states_its_range() {
 #[test]
 fn invalid_timestamp_sources_are_rejected_with_a_reason() {
     for (time, word) in [
-        ("field = \"t\", unit = \"s\", clock = \"boot\", zone = \"+02:00\"", "a zone goes with a date"),
-        ("date = \"d\", time = \"t\", offset = \"o\", zone = \"+02:00\"", "that has no offset"),
-        ("field = \"t\", text = \"iso-8601\", zone = \"Europe/Berlin\"", "a zone is an offset from UTC"),
-        ("field = \"t\", text = \"iso-8601\", zone = \"+14:30\"", "of no more than 14 hours"),
-        ("date = \"d\", time = \"t\", zone = \"-99:00\"", "of no more than 14 hours"),
-        ("field = \"t\", text = \"iso-8601\", year = 2024", "a year goes with days of the year"),
-        ("field = \"t\", unit = \"ms\", clock = \"unix\", bits = 16", "bits go with a counter"),
+        ("field = \"t\", unit = \"s\", clock = \"boot\", zone = \"+02:00\"", "`zone` needs a date"),
+        ("date = \"d\", time = \"t\", offset = \"o\", zone = \"+02:00\"", "without `offset`"),
+        ("field = \"t\", text = \"iso-8601\", zone = \"Europe/Berlin\"", "`zone` is an offset from UTC"),
+        ("field = \"t\", text = \"iso-8601\", zone = \"+14:30\"", "of at most 14 hours"),
+        ("date = \"d\", time = \"t\", zone = \"-99:00\"", "of at most 14 hours"),
+        ("field = \"t\", text = \"iso-8601\", year = 2024", "`year` needs text = \"day-of-year\""),
+        ("field = \"t\", unit = \"ms\", clock = \"unix\", bits = 16", "`bits` needs a counter"),
         ("field = \"t\", unit = \"ms\", clock = \"boot\", bits = 64", "8 to 48 bits"),
-        ("field = \"t\", text = \"time-of-day\", clock = \"unix\"", "a stamp is a container"),
+        ("field = \"t\", text = \"time-of-day\", clock = \"unix\"", "a timestamp is one of"),
     ] {
         let text = format!(
             "schema = 1\nname = \"t\"\ntitle = \"t\"\n[time]\nmeasured = [{{ {time} }}]\n[[channel]]\nname = \"a.b\"\nquantity = \"scalar\"\n\
@@ -328,14 +328,18 @@ fn a_time_of_day_and_an_impossible_day_are_not_days_of_a_year() {
     let day_of_year = "field = \"t\", text = \"day-of-year\"";
     let face = |i: i64| clock_face(OF_DAY + STEP * i).join(":");
     let whole = |i: i64| format!("17:{:02}:{:02}", 5 + i / 60, i % 60);
-    assert!(unbound(day_of_year, "t", whole).contains("not understood is t: 17:05:00"));
-    assert!(unbound(day_of_year, "t", |i| format!("2023:366:{}", face(i))).contains("not understood is t: 2023:366"));
+    assert!(unbound(day_of_year, "t", whole).contains("this cannot be read: t: 17:05:00"));
+    assert!(
+        unbound(day_of_year, "t", |i| format!("2023:366:{}", face(i))).contains("this cannot be read: t: 2023:366")
+    );
     // Beyond 2262-04-11 there are no nanoseconds since 1970 in 64 bits.
-    assert!(unbound(day_of_year, "t", |i| format!("2262:200:{}", face(i))).contains("not understood is t: 2262:200"));
+    assert!(
+        unbound(day_of_year, "t", |i| format!("2262:200:{}", face(i))).contains("this cannot be read: t: 2262:200")
+    );
     for (year, day) in [(2023, 366), (2262, 200)] {
         let time = format!("{day_of_year}, year = {year}");
         let why = unbound(&time, "t", |i| format!("{day}:{}", face(i)));
-        assert!(why.contains(&format!("not understood is t: {day}")), "{why}");
+        assert!(why.contains(&format!("this cannot be read: t: {day}")), "{why}");
     }
 }
 
@@ -359,7 +363,7 @@ fn a_digit_date_without_its_leading_zero_follows_the_order_of_the_map() {
     let loaded = load_by(plain, "d;t", (0..ROWS).map(|i| format!("2024131;{}", face(i))));
     assert_eq!(stamps(&loaded), (Clock::Unix, truth(BEGIN)));
     let why = unbound(&format!("{plain}, order = \"day-month-year\""), "d;t", |i| format!("1902021;{}", face(i)));
-    assert!(why.contains("no stamps"), "{why}");
+    assert!(why.contains("no timestamps"), "{why}");
 }
 
 #[test]
@@ -373,7 +377,7 @@ fn one_wrong_cell_in_a_hundred_does_not_cost_the_other_times_of_day() {
     let why = unbound("field = \"t\", text = \"time-of-day\"", "t", |i| {
         if i % 60 == 10 { "999999.9".to_owned() } else { clock_face(OF_DAY + STEP * i).concat() }
     });
-    assert!(why.contains("not understood") || why.contains("no stamps"), "{why}");
+    assert!(why.contains("cannot be read") || why.contains("no timestamps"), "{why}");
 }
 
 #[test]

@@ -218,7 +218,7 @@ fn ecef_position_and_velocity_are_bound_as_geodetic_and_ned() {
             assert!(off.iter().all(|off| off.abs() < 0.0088), "{off:?}");
         }
         assert_eq!(loaded.flight.channels["speed-accuracy.sol"].series.component(0)[0], 3.0);
-        assert_eq!(count_saying(loaded, "rejected-row", "earth's own axes"), 0);
+        assert_eq!(count_saying(loaded, "rejected-row", "earth-fixed axes"), 0);
     }
 }
 
@@ -240,7 +240,7 @@ fn an_ecef_velocity_is_rotated_at_a_nearby_position_or_dropped() {
         [velocity(0), place(1000)].into_iter().chain((1..=20).map(|s| velocity(1000 * s))).flatten().collect();
     let loaded = load_ubx(&log);
     let series = &loaded.flight.channels["velocity.sol"].series;
-    assert_eq!((series.len(), count_saying(&loaded, "rejected-row", "earth's own axes")), (11, 10));
+    assert_eq!((series.len(), count_saying(&loaded, "rejected-row", "earth-fixed axes")), (11, 10));
     let off = [20.0, -5.0, 1.0].iter().zip([0, 1, 2]).map(|(truth, i)| (series.component(i)[0] - truth).abs());
     assert!(off.into_iter().all(|off| off < 0.0088), "{series:?}");
 }
@@ -258,7 +258,7 @@ fn an_invalid_or_inaccurate_position_rotates_no_velocity() {
         };
         let loaded = load_ubx(&[place, (0..20).flat_map(velocity).collect()].concat());
         let rows = loaded.flight.channels.get("velocity.sol").map_or(0, |channel| channel.series.len());
-        assert_eq!(rows as u64 + count_saying(&loaded, "rejected-row", "earth's own axes"), 20);
+        assert_eq!(rows as u64 + count_saying(&loaded, "rejected-row", "earth-fixed axes"), 20);
         rows > 0
     };
     // Accuracies in cm, tenths of mm and mm: just better than 10 km, and 10 km.
@@ -550,7 +550,7 @@ fn a_clock_that_does_not_jump_when_dated_was_right_before() {
             assert_eq!((timeline.clock(), timeline.stamps().len()), (clock, 200), "{channel}");
         }
         assert_eq!(
-            (count_saying(&loaded, "undated", "did not know the time"), lossy(&loaded)),
+            (count_saying(&loaded, "undated", "did not know it yet"), lossy(&loaded)),
             (0, false),
             "{:?}",
             loaded.flight.notices

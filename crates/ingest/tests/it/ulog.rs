@@ -202,7 +202,7 @@ fn receivers_are_named_by_their_device_ids() {
         [
             "GPS 0: u-blox F9P (device 0xaa0005)",
             "GPS 1: DroneCAN (device 0x857d03)",
-            "GPS 1: of a type that is not known (device 0xfe0001)"
+            "GPS 1: of an unknown type (device 0xfe0001)"
         ]
     );
 }
@@ -541,7 +541,7 @@ fn hostile_formats_are_rejected_with_a_reason_and_the_rest_is_read() {
     {
         assert!(reason(topic).contains(what), "{topic}: {}", reason(topic));
     }
-    assert!(log.health.damage.iter().any(|d| d.reason.contains("more formats")), "{:?}", log.health.damage);
+    assert!(log.health.damage.iter().any(|d| d.reason.contains("too many formats")), "{:?}", log.health.damage);
 }
 
 #[test]

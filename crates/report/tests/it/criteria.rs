@@ -59,7 +59,7 @@ fn criteria() -> FlightCriteria {
     use CriterionVerdict::{Fail, Inconclusive, NotApplicable, NotEvaluated, Pass};
     let findings = vec![
         finding("one", Pass, Some((0.118_43, 0.001_55)), ""),
-        finding("two", NotApplicable, None, "meant for flights called *.bag"),
+        finding("two", NotApplicable, None, "applies to flights called *.bag"),
         finding("three", Fail, Some((0.209, 0.002)), ""),
         finding("four", Inconclusive, Some((0.148, 0.003)), ""),
         finding("five", NotEvaluated, None, "straight flight"),
@@ -81,7 +81,7 @@ fn verdicts_are_at_the_top_of_the_flight_page_worst_first_in_words() {
         "✓ 1 PASS asked in one.",
         "1 NOT APPLICABLE asked in two.",
         "118.4 ms± 3.1 ms",
-        "meant for flights called *.bag",
+        "applies to flights called *.bag",
     ]
     .map(|text| top.find(text).unwrap_or_else(|| panic!("{text} is not in:\n{top}")));
     assert!(places.is_sorted(), "{places:?}");

@@ -17,7 +17,7 @@ use logscan::{Fate, Fetched, Framing, Ledger, LogFile, MOST_IN_VAIN, Parsed, Sca
 use std::borrow::Cow;
 
 /// Reported for a file that does not start as a bag does.
-pub(super) const WRONG_START: &str = "the line that begins the file is wrong";
+pub(super) const WRONG_START: &str = "the first line of the file is wrong";
 /// Bytes read together with a compressed chunk, to examine what follows.
 const AHEAD: u64 = LONGEST as u64 + 64;
 /// The shortest header contains only its type: a length, and `op=` with a byte.
@@ -180,7 +180,7 @@ impl<'b, 't, 'c> Records<'b, 't, 'c> {
         }
         unpacker.come_to(packed.fetched.start, file);
         let Some(unpacked) = unpacker.unpack(packed, file)? else {
-            return Ok(Fetched::Refuted("the chunk is cut".into()));
+            return Ok(Fetched::Refuted("the chunk is truncated".into()));
         };
         if let Some(fault) = unpacked.fault {
             return Ok(Fetched::Refuted(format!("the chunk cannot be decompressed: {fault}").into()));
@@ -312,7 +312,7 @@ impl Framing for Records<'_, '_, '_> {
 
     fn fault(&self, bytes: &[u8]) -> Cow<'static, str> {
         if self.bags >= MOST_BAGS {
-            return "more bags in one file than are read".into();
+            return "too many bags in one file".into();
         }
         if !self.has_begun {
             return wrong_start(bytes.get(..MAGIC.len() + 1).unwrap_or(bytes), MAGIC, WRONG_START).into();
@@ -320,12 +320,12 @@ impl Framing for Records<'_, '_, '_> {
         match Record::of(bytes) {
             None => NO_RECORD.into(),
             Some(Record { kind: Kind::Chunk { compression, .. }, .. }) if codec(compression).is_none() => {
-                format!("compression {:?} is not known", String::from_utf8_lossy(compression)).into()
+                format!("unknown compression {:?}", String::from_utf8_lossy(compression)).into()
             }
             Some(record) if record.fits_its_count() == Some(false) => {
                 "a record whose length does not fit its count".into()
             }
-            Some(_) => "a record that is cut, or whose length is wrong".into(),
+            Some(_) => "a truncated record, or a record with a wrong length".into(),
         }
     }
 

@@ -110,7 +110,7 @@ impl<'b, 't> Connections<'b, 't> {
         let (unplaced, redefined) = (std::mem::take(&mut self.unplaced), std::mem::take(&mut self.redefined));
         (self.known, self.definition_bytes) = Default::default();
         tell_unplaced(&unplaced, file, notices);
-        redefined.tell(Code::Redefined, file, "connections were replaced by others of the same number", notices);
+        redefined.tell(Code::Redefined, file, "connections were replaced by others with the same number", notices);
         unplaced.count
     }
 }

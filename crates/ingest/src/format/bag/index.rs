@@ -76,14 +76,14 @@ impl Index {
     pub(super) fn conclude(&self, file: &str, found: u64, notices: &mut Notices) {
         match self {
             Index::None => {
-                let text = "the bag has no index: its recorder was stopped before it could close it";
+                let text = "the bag has no index: the recorder was stopped before it closed the bag";
                 notices.push(Code::IncompleteRecording, file, 1, text);
             }
             Index::CutOff => {
-                notices.push(Code::IncompleteRecording, file, 1, "the bag was cut before the end of its index");
+                notices.push(Code::IncompleteRecording, file, 1, "the bag is truncated before the end of its index");
             }
             Index::Unreadable => {
-                let text = "the index cannot be read, so nothing says whether messages are missing";
+                let text = "the index cannot be read, so it is unknown whether messages are missing";
                 notices.push(Code::IndexDiffers.at(Severity::Loss), file, 1, text);
             }
             Index::Counts(stated) => compare_count("index", *stated, found, file, notices),

@@ -235,7 +235,7 @@ impl Topic {
         self.columns.iter_mut().for_each(ColumnBuilder::settle);
         self.drop_numbers_that_are_text();
         if let Some(line) = self.unended_line {
-            let text = "the last row has no line end: its last value may be cut and is not used";
+            let text = "the last row has no line end: its last value may be truncated and is not used";
             notices.push(Code::RejectedCell, format!("{file}, line {line}"), 1, text);
         }
         for column in &self.columns {
@@ -507,7 +507,7 @@ impl ColumnBuilder {
         }
         if self.not_finite > 0 {
             let text = format!(
-                "column {}: cells are nan, infinite or words for nothing, as N/A, and count as missing",
+                "column {}: cells that are nan, infinite, or words for a missing value such as N/A count as missing",
                 self.path
             );
             notices.push(Code::RejectedCell.at(Severity::Info), place(None), self.not_finite, text);

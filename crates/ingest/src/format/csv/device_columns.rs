@@ -210,8 +210,7 @@ fn fixes(
     let fixes: Vec<Option<i64>> = words.iter().map(|word| understood(word.as_ref()?)).collect();
     let foreign = || words.iter().zip(&fixes).filter(|(_, fix)| fix.is_none()).filter_map(|(word, _)| word.as_ref());
     if let Some(word) = foreign().next() {
-        let text =
-            format!("what {} says, as {word:?}, is not understood: whether there was a fix is not known", column.path);
+        let text = format!("{} has unknown words such as {word:?}: it is unknown whether there was a fix", column.path);
         notices.push(Code::UnknownWord, &table.topic.name, foreign().count() as u64, text);
     }
     fixes.iter().any(Option::is_some).then(|| of_integers(FIX, &fixes))
@@ -224,7 +223,7 @@ fn year(table: &Table, notices: &mut Notices) -> Column {
     let years: Vec<Option<i64>> = (0..table.rows).map(|row| integer("UTC_Year", row).filter(|_| known(row))).collect();
     let unsure = (0..table.rows).filter(|&row| integer("UTC_Year", row).is_some() && !known(row)).count();
     if unsure > 0 {
-        let text = "rows where UTC_Valid does not say that date, time and leap seconds are known have no UTC";
+        let text = "rows without UTC: UTC_Valid does not state that date, time and leap seconds are known";
         notices.push(Code::Undated, &table.topic.name, unsure as u64, text);
     }
     of_integers(YEAR, &years)
@@ -279,7 +278,7 @@ fn of_one_device(names: &[String]) -> (Vec<String>, Option<String>) {
         return (names.to_vec(), None);
     };
     let others = names.iter().any(|name| split(name).is_some() && !name.starts_with(device));
-    let notice = others.then(|| format!("the table has the columns of several devices: those of {device} are taken"));
+    let notice = others.then(|| format!("the table has the columns of several devices; those of {device} are used"));
     let taken = |plain: &str| names.iter().any(|name| name == plain);
     let plain = |name: &String| match name.strip_prefix(device) {
         Some(plain) if !plain.is_empty() && !taken(plain) => plain.to_owned(),

@@ -65,14 +65,14 @@ impl HeaderFindings {
                 notices.push(Code::IrregularTable.at(Severity::Warning), format!("{file}, line {line}"), count, text);
             }
         };
-        let text = "a row has words where the others have numbers, as the header of another table would: it and what is below \
-                    it are read as rows of this one";
+        let text = "a row has words where the others have numbers, like the header of another table; this row and \
+            the rows after it are read as rows of this table";
         warn(self.like_headers, text);
-        let text = "remarks with as many fields as the table has columns: they are not read as rows";
+        let text = "comments with as many fields as the table has columns; they are not read as rows";
         warn(self.remarks, text);
         if self.others.0 > 0 {
-            let text =
-                "another header is between the rows: the rows after it, up to the first header again, are not read";
+            let text = "another header is between the rows; the rows after it are not read until the first header comes \
+                 again";
             let place = format!("{file}, line {}", self.others.1);
             notices.push(Code::IrregularTable.at(Severity::Loss), place, self.others.0, text);
         }

@@ -157,7 +157,7 @@ fn is_unit(cell: &str) -> bool {
 /// What the text is instead of a table.
 pub(super) fn find(head: &[u8], context: &ReadContext<'_>) -> Result<Layout, String> {
     if head.starts_with(b"\xff\xfe") || head.starts_with(b"\xfe\xff") {
-        return Err("this is UTF-16 text; save it as UTF-8".into());
+        return Err("UTF-16 text; save it as UTF-8".into());
     }
     if head.starts_with(b"$FLYS") {
         return Ok(Layout::FlySight2);
@@ -192,8 +192,8 @@ pub(super) fn find(head: &[u8], context: &ReadContext<'_>) -> Result<Layout, Str
     best.filter(|(_, layout)| layout.delimiter != BLANKS || layout.regular || layout.only_numbers)
         .map(|(_, layout)| Layout::Table(layout))
         .ok_or_else(|| {
-            "no table: no delimiter (comma, semicolon, TAB, bar or blanks) gives most of the first lines the same number of \
-             fields"
+            "not a table: no delimiter (comma, semicolon, TAB, bar or blanks) gives most of the first lines the same \
+             number of fields"
                 .into()
         })
 }

@@ -104,11 +104,11 @@ pub(super) struct Message<'l> {
 
 /// Parses a line and checks its CRC-32.
 pub(super) fn parse(line: &[u8]) -> Result<Message<'_>, &'static str> {
-    const NONE: &str = "no NovAtel message";
+    const NONE: &str = "not a NovAtel message";
     let line = std::str::from_utf8(line).map_err(|_| NONE)?.trim();
     let short = line.starts_with('%');
     let body = line.strip_prefix(['#', '%']).ok_or(NONE)?;
-    let (body, crc) = body.rsplit_once('*').ok_or("no checksum: the line is cut")?;
+    let (body, crc) = body.rsplit_once('*').ok_or("no checksum: the line is truncated")?;
     let (header, fields) = body.split_once(';').ok_or(NONE)?;
     let header: Vec<&str> = header.split(',').collect();
     let name = header.first().and_then(|n| n.strip_suffix('A')).ok_or(NONE)?;

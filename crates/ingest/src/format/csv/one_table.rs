@@ -80,18 +80,21 @@ impl<'t> OneTable<'t> {
     pub(super) fn report(&self, file: &str, notices: &mut Notices) {
         self.findings.report(file, notices);
         if let Some((first, rows)) = self.layout.other_rows {
-            let text = format!("rows of another table come before this one, from line {first} on: they are not read");
+            let text = format!(
+                "rows of another table, from line {first} on, come before this table; they are not \
+                read"
+            );
             notices.push(Code::IrregularTable.at(Severity::Loss), file, rows, text);
         }
         if self.topic.rows == 0 && self.layout.header_line.is_some() {
-            notices.push(Code::NoRows, file, 1, "a header without a row below it");
+            notices.push(Code::NoRows, file, 1, "a header without rows");
         }
         if self.repeated > 0 {
             let text = "the header is repeated between the rows";
             notices.push(Code::IrregularTable, file, self.repeated, text);
         }
         if self.preamble > 0 {
-            let text = "lines before the header are not read";
+            let text = "lines before the header were skipped";
             notices.push(Code::Skipped, file, self.preamble, text);
         }
     }

@@ -75,8 +75,8 @@ impl Framing for Records<'_, '_, '_> {
     fn fault(&self, bytes: &[u8]) -> Cow<'static, str> {
         match *bytes {
             [first, second, id, ..] if [first, second] == SYNC => match self.session.format(id) {
-                Some(_) => "a record whose length is wrong".into(),
-                None => format!("records of type {id}, which is not defined").into(),
+                Some(_) => "a record with a wrong length".into(),
+                None => format!("records of the undefined type {id}").into(),
             },
             _ => NO_RECORD.into(),
         }

@@ -63,7 +63,7 @@ impl Format {
     /// From the contents of an `FMT`. Fails if they are invalid.
     pub(super) fn new(length: u8, name: &str, codes: &str, columns: &str) -> Result<Format, String> {
         if name.is_empty() || !name.bytes().all(|b| b.is_ascii_graphic()) {
-            return Err("a definition of a type without a proper name".to_owned());
+            return Err("a definition of a type without a valid name".to_owned());
         }
         let mut offset = 0;
         let mut names = columns.split(',').map(str::trim).filter(|n| !n.is_empty());
@@ -71,7 +71,7 @@ impl Format {
         let mut fault = None;
         for code in codes.bytes() {
             let Some(size) = size_of(code) else {
-                fault = Some(format!("its format has the character {:?}, which is not known", char::from(code)));
+                fault = Some(format!("its format has the unknown character {:?}", char::from(code)));
                 break;
             };
             if let Some(name) = names.next() {
@@ -81,14 +81,14 @@ impl Format {
         }
         if fault.is_none() && HEADER + offset > LONGEST_RECORD {
             fault = Some(format!(
-                "its format adds up to {} bytes, and a record has at most {LONGEST_RECORD}",
+                "its format adds up to {} bytes, but a record has at most {LONGEST_RECORD}",
                 HEADER + offset
             ));
         }
         let described = fault.is_none().then_some(HEADER + offset);
         let missing = codes.len().saturating_sub(fields.len());
         if fault.is_none() && (names.next().is_some() || (missing > 0 && columns.len() < LONGEST_TEXT)) {
-            fault = Some(format!("it has {} values and not as many names ({columns})", codes.len()));
+            fault = Some(format!("it has {} values, but another number of names ({columns})", codes.len()));
         }
         let time = time_field(name, &fields);
         let definition = format!("{codes}\n{columns}");

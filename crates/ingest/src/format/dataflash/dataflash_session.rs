@@ -231,7 +231,7 @@ impl<'t, 'w> Session<'t, 'w> {
     pub(super) fn packed(&mut self, bytes: &[u8], header: usize) -> Result<Fate, String> {
         let id = bytes.get(header - 1).copied().unwrap_or_default();
         let Some(index) = self.known(id) else {
-            return Err(format!("a record of type {id}, which is not defined"));
+            return Err(format!("a record of the undefined type {id}"));
         };
         let Some(kind) = self.types.get(index) else { return Ok(Fate::Skipped) };
         if !kind.format.fits(bytes.len()) {
@@ -245,18 +245,18 @@ impl<'t, 'w> Session<'t, 'w> {
     /// A line of text: name and what follows its comma. Fails if it is corrupt.
     pub(super) fn line(&mut self, name: &str, values: &str) -> Result<Fate, String> {
         let Some(&index) = self.by_name.get(name) else {
-            return Err("a line of a type that is not defined".to_owned());
+            return Err("a line of an undefined type".to_owned());
         };
         if let Some(kind) = self.types.get(index).filter(|t| t.format.fault.is_none()) {
             let (needed, given) = (kind.format.fields.len(), values.split(',').count());
             if given < needed || (given > needed && !kind.format.ends_in_text()) {
                 let name = &kind.format.name;
-                return Err(format!("a line of type {name} with {given} values where its format has {needed}"));
+                return Err(format!("a line of type {name} with {given} values, but its format has {needed}"));
             }
             if kind.format.ends_in_text()
                 && let Some(other) = values.splitn(needed, ',').last().and_then(|text| self.record_within(text))
             {
-                return Err(format!("a line of type {} that goes on with one of {other}", kind.format.name));
+                return Err(format!("a line of type {} that continues with one of type {other}", kind.format.name));
             }
             if kind.format.text_is_too_long(values) {
                 return Err(format!("a line of type {} whose text is longer than its field", kind.format.name));
@@ -372,7 +372,7 @@ impl<'t, 'w> Session<'t, 'w> {
                 self.clock.restarts();
                 Ok(())
             } else {
-                Err("a definition of the definitions that is not the usual one".into())
+                Err("an unusual definition of FMT itself".into())
             };
         }
         let format = Format::new(length, &name, &codes, &columns)?;
@@ -392,7 +392,7 @@ impl<'t, 'w> Session<'t, 'w> {
 
     fn set_units(&mut self, id: u8, ids: [String; 2]) {
         let Some(kind) = self.known(id).and_then(|index| self.types.get_mut(index)) else {
-            return self.other_units.add(|| format!("type {id}, which is not defined"));
+            return self.other_units.add(|| format!("undefined type {id}"));
         };
         if ids[0].len() != kind.format.codes() {
             self.other_units.add(|| format!("{}, of {} fields", kind.format.name, ids[0].len()));
@@ -417,7 +417,7 @@ impl<'t, 'w> Session<'t, 'w> {
             let [Some(old), Some(new)] = places.map(|place| self.types.get(place)) else { continue };
             let tally = usize::from(!old.is_used() && !new.is_used());
             if let Some(tally) = tallies.get_mut(tally) {
-                tally.add(|| format!("{} in the place of {}", new.format.name, old.format.name));
+                tally.add(|| format!("{} replaces {}", new.format.name, old.format.name));
             }
         }
         tallies
@@ -427,18 +427,20 @@ impl<'t, 'w> Session<'t, 'w> {
     pub(super) fn finish(self, log: &mut Log, notices: &mut Notices) {
         let file = self.file.as_str();
         let [used, unused] = self.redefinitions();
-        let text = "types were defined again and otherwise; what follows is read by the new definition";
+        let text = "types were redefined differently; later records are read with the new definition";
         used.tell(Code::Redefined.at(Severity::Loss), file, text, notices);
-        let text = "types were defined again and otherwise, and there is no record of the old or the new one";
+        let text = "types were redefined differently, but neither the old nor the new type has records";
         unused.tell(Code::Redefined.at(Severity::Info), file, text, notices);
-        self.misfits.tell(Code::Undecodable, file, "records are not as long as their definition says", notices);
+        self.misfits.tell(Code::Undecodable, file, "records do not have the length of their definition", notices);
         tell_too_many_topics(&self.unplaced, "records", file, notices);
-        let text = "the field that distinguishes instances was named after the first records, which are in one topic";
+        let text = "the field that distinguishes instances was defined only after the first records, so these are in \
+            one topic";
         self.late_instances.tell(Code::Redefined, file, text, notices);
-        let text = "units and instances of a type are stated before it, or twice and otherwise, of which the first holds, or for \
-                    another number of fields: they may be of another type";
+        let text = "units and instances were stated before their type, twice and differently (the first statement is \
+            used), or for another number of fields; they may belong to another type";
         self.other_units.tell(Code::Redefined, file, text, notices);
-        let text = "the clock restarts within the file; what follows is stamped as if it came ten seconds later";
+        let text = "the clock restarts within the file; the timestamps after it continue as if ten seconds had \
+            passed";
         self.clock.moved.tell(Code::SeveralSessions, file, text, notices);
         self.clock.back.tell(Code::UnreliableStamps, file, "the clock steps back by more than a second", notices);
         log.health.undecodable += self.misfits.count;

@@ -142,7 +142,7 @@ impl Vehicle {
         About {
             modes: self.modes.into_iter().map(started).collect(),
             firmware: self.firmware,
-            hardware: self.board.or_else(|| self.board_id.map(|id| format!("board {id} of ArduPilot's list"))),
+            hardware: self.board.or_else(|| self.board_id.map(|id| format!("board {id} in ArduPilot's list"))),
             vehicle: self.serial,
             receivers: self.receivers,
             receiver_identities,
@@ -199,15 +199,15 @@ enum DelayUnit {
     Periods(&'static str),
 }
 
-const FIRST: &str = "delay of the first receiver that the autopilot assumes; 0 means the default of its type";
-const SECOND: &str = "delay of the second receiver that the autopilot assumes; 0 means the default of its type";
-const POSITION: &str = "delay of position that the estimator assumes";
-const VELOCITY: &str = "delay of velocity that the estimator assumes";
-const GPS: &str = "delay of the receiver that the estimator assumes";
-const HEIGHT: &str = "delay of height that the estimator assumes";
-const FLOW: &str = "delay of optical flow that the estimator assumes";
-const BEACON: &str = "delay of range beacons that the estimator assumes";
-const VISION: &str = "delay of visual odometry that the autopilot assumes";
+const FIRST: &str = "delay that the autopilot assumes for the first receiver; 0 is the default of its type";
+const SECOND: &str = "delay that the autopilot assumes for the second receiver; 0 is the default of its type";
+const POSITION: &str = "delay that the estimator assumes for the position";
+const VELOCITY: &str = "delay that the estimator assumes for the velocity";
+const GPS: &str = "delay that the estimator assumes for the receiver";
+const HEIGHT: &str = "delay that the estimator assumes for the height";
+const FLOW: &str = "delay that the estimator assumes for optical flow";
+const BEACON: &str = "delay that the estimator assumes for range beacons";
+const VISION: &str = "delay that the autopilot assumes for visual odometry";
 const SIMULATED: &str = "delay of the simulated receiver";
 
 /// Parameters of ArduPilot 3.2 to 4.7 that set a delay of a measurement.

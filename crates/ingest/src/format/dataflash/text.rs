@@ -52,7 +52,7 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
             self.file.progress(self.at, self.context)?;
         }
         if self.preamble > 0 {
-            let text = "bytes of text in front of the first record";
+            let text = "bytes of text before the first record";
             self.notices.push(Code::Skipped, self.name.as_str(), self.preamble, text);
         }
         if self.headless {
@@ -97,7 +97,7 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
         let (end, ended) = self.file.line_end(start, self.context)?;
         self.at = end;
         if ended {
-            self.ledger.damaged(&self.name, start, self.at - start, "a line that is longer than the limit");
+            self.ledger.damaged(&self.name, start, self.at - start, "a line longer than the limit");
         } else {
             self.ledger.cut(&self.name, start, self.at - start, "the log ends inside a line");
         }
@@ -107,7 +107,7 @@ impl<'w, 'c, 't, 's> Walk<'w, 'c, 't, 's> {
 
 /// The fate of a line; `None` for an empty one.
 fn fate_of(line: &[u8], session: &mut Session<'_, '_>) -> Result<Option<Fate>, String> {
-    let text = std::str::from_utf8(line).map_err(|_| "a line that is not text".to_owned())?.trim_end();
+    let text = std::str::from_utf8(line).map_err(|_| "a line that is not valid text".to_owned())?.trim_end();
     if text.bytes().any(|b| b < b' ' && b != b'\t') {
         return Err("a line with control characters".to_owned());
     }

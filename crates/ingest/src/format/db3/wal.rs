@@ -93,7 +93,7 @@ fn parse_header(head: &[u8], page_bytes: Option<u32>) -> Result<(u32, Sum), &'st
     let own = u32_at(head, 8);
     let is_size = own.is_power_of_two() && (512..=65_536).contains(&own);
     if page_bytes.unwrap_or(own) != own || !is_size {
-        return Err("its pages are not as large as those of the database");
+        return Err("its pages do not have the size of those of the database");
     }
     Ok((own, sum))
 }
@@ -122,7 +122,7 @@ impl Wal {
         let mut wal = Wal { file, name, size, page_bytes, pages: 0, places: HashMap::new(), unfinished: 0 };
         wal.walk(head.get(16..24).unwrap_or_default(), sum)?;
         Ok(match wal.places.len() {
-            0 if wal.unfinished > 0 => Beside::Useless(size, "no transaction in it is whole".to_owned()),
+            0 if wal.unfinished > 0 => Beside::Useless(size, "it holds no complete transaction".to_owned()),
             0 => Beside::Idle(size),
             _ => Beside::Wal(wal),
         })

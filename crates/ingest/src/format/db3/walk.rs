@@ -342,7 +342,7 @@ impl<'w, 'c> Walk<'w, 'c> {
                 format!("{} of {} rows on a page cannot be read; the first: {}", bad.count, node.len(), bad.first);
             self.damaged_but(leaf.page, good, &reason);
         } else if copies > 0 {
-            self.damaged_but(leaf.page, good, "a page of rows that other pages hold as well");
+            self.damaged_but(leaf.page, good, "a page of rows that are also on other pages");
         } else if node.unlisted(listed) > 0 {
             self.astray = true;
             self.damaged_but(leaf.page, good, UNLISTED);
@@ -363,7 +363,7 @@ impl<'w, 'c> Walk<'w, 'c> {
             };
             page.listed += cell.extent;
             if !(next..=leaf.up_to).contains(&cell.rowid) {
-                page.bad.add(|| format!("its number, {}, is none that belongs there", cell.rowid));
+                page.bad.add(|| format!("its number {} does not belong there", cell.rowid));
                 continue;
             }
             next = cell.rowid.saturating_add(1);
@@ -434,7 +434,7 @@ impl<'w, 'c> Walk<'w, 'c> {
     fn gather(&mut self, cell: &Cell<'_>) -> Result<Result<(), String>, IngestError> {
         if cell.length > self.context.limits.record_bytes {
             let limit = self.context.limits.record_bytes;
-            return Ok(Err(format!("its {} bytes are more than the limit of {limit}", cell.length)));
+            return Ok(Err(format!("its {} bytes exceed the limit of {limit}", cell.length)));
         }
         self.row.clear();
         self.row.extend_from_slice(cell.local);
@@ -499,9 +499,9 @@ impl<'w, 'c> Walk<'w, 'c> {
     /// A row whose remaining pages do not hold its rest.
     fn broken(&mut self, walked: &[u32]) -> String {
         for &page in walked {
-            self.damaged(page, "a part of a row whose other parts are not there");
+            self.damaged(page, "a part of a row whose other parts are missing");
         }
-        "its rest on other pages is not there".to_owned()
+        "the rest of it, on other pages, is missing".to_owned()
     }
 
     /// Nothing on the page is usable.
@@ -518,7 +518,7 @@ impl<'w, 'c> Walk<'w, 'c> {
 
     /// Neighbours at once, unless the write-ahead log holds them: there may be millions.
     fn damaged_run(&mut self, pages: std::ops::Range<usize>) {
-        let reason = "pages that belong to nothing that can be reached";
+        let reason = "pages without a reference to them";
         let mut index = pages.start;
         while index < pages.end {
             let page = self.pages.at(index);

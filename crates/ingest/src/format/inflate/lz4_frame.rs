@@ -13,7 +13,7 @@ const SKIPPABLE: u32 = 0x184d_2a50;
 const WINDOW: usize = 64 << 10;
 /// Set in the length of an uncompressed block.
 const STORED: u32 = 1 << 31;
-const CUT: &str = "the frame is cut";
+const CUT: &str = "the frame is truncated";
 
 /// The block properties stated by the frame.
 struct Descriptor {
@@ -28,7 +28,7 @@ struct Descriptor {
 impl Descriptor {
     fn read(rest: &mut Bytes<'_>) -> Result<Descriptor, &'static str> {
         if rest.u32() != Some(MAGIC) {
-            return Err("this is not a frame");
+            return Err("not a frame");
         }
         let start = *rest;
         let (flags, sizes) = rest.u8().zip(rest.u8()).ok_or(CUT)?;
@@ -39,7 +39,7 @@ impl Descriptor {
             0x50 => 256 << 10,
             0x60 => 1 << 20,
             0x70 => 4 << 20,
-            _ => return Err("blocks of a size that is not defined"),
+            _ => return Err("blocks of an undefined size"),
         };
         // Version, a reserved bit, and whether there is a dictionary, which is never available.
         if flags >> 6 != 1 || has(1) || has(0) {
@@ -97,7 +97,7 @@ fn frame(
         }
         let length = (word & !STORED) as usize;
         if length > frame.block_bytes {
-            return Err("a block longer than its frame allows");
+            return Err("a block longer than the frame allows");
         }
         let block = rest.take(length).ok_or(CUT)?;
         if frame.block_checksums && rest.u32().ok_or(CUT)? != xxh32(block, 0) {
@@ -110,7 +110,7 @@ fn frame(
         let (before, after) = out.split_at_mut_checked(*filled).unwrap_or_default();
         let room = after.get_mut(..end - *filled).unwrap_or_default();
         *filled += if word & STORED != 0 {
-            room.get_mut(..length).ok_or("a block longer than is declared")?.copy_from_slice(block);
+            room.get_mut(..length).ok_or("a block longer than declared")?.copy_from_slice(block);
             length
         } else {
             let window = if frame.linked { (before.len() - start).min(WINDOW) } else { 0 };
@@ -119,7 +119,7 @@ fn frame(
         };
     }
     if frame.content_bytes.is_some_and(|stated| stated != (*filled - start) as u64) {
-        return Err("the frame does not hold as many bytes as it states");
+        return Err("the frame does not hold the number of bytes that it states");
     }
     let content = out.get(start..*filled).unwrap_or_default();
     if frame.content_checksum && rest.u32().ok_or(CUT)? != xxh32(content, 0) {

@@ -10,7 +10,7 @@ use std::ops::Range;
 /// The magic bytes at both ends of a file.
 pub(super) const MAGIC: &[u8; 8] = b"\x89MCAP0\r\n";
 /// Reported for a file that does not start with it.
-pub(super) const WRONG_START: &str = "the eight bytes that begin the file are wrong";
+pub(super) const WRONG_START: &str = "the first eight bytes of the file are wrong";
 /// Opcode and length.
 pub(super) const HEAD_BYTES: u64 = 9;
 /// Largest head of a chunk record: the frame, the fixed fields and the name of the compression.
@@ -148,7 +148,7 @@ enum Part {
 /// Parses a record whose texts are known to lie within it: `mcap` allocates for a text of up to 4 GiB before it
 /// checks whether the text is present.
 pub(super) fn parse(opcode: u8, body: &[u8]) -> Result<Record<'_>, String> {
-    parts_fit(parts_of(opcode), body).ok_or("what it holds reaches beyond its end")?;
+    parts_fit(parts_of(opcode), body).ok_or("its content reaches beyond its end")?;
     mcap::read::parse_record(opcode, body).map_err(|e| e.to_string())
 }
 
@@ -206,7 +206,7 @@ impl ChunkHead {
     pub(super) fn of(bytes: &[u8], head: &Head) -> Result<ChunkHead, String> {
         let most = head.length.saturating_add(HEAD_BYTES).min(CHUNK_HEAD_BYTES as u64) as usize;
         let parsed = ChunkHead::parse(bytes.get(..most).unwrap_or(bytes));
-        parsed.ok_or_else(|| "the chunk's own header is cut".to_owned())?.and_then(|chunk| chunk.fits_in(head))
+        parsed.ok_or_else(|| "the header of the chunk is truncated".to_owned())?.and_then(|chunk| chunk.fits_in(head))
     }
 
     fn parse(bytes: &[u8]) -> Option<Result<ChunkHead, String>> {
@@ -216,12 +216,14 @@ impl ChunkHead {
         rest.take(16)?;
         let uncompressed = rest.u64()?;
         let crc = rest.u32()?;
-        let Some(compression) = rest.prefixed() else { return Some(Err("compression of unknown name".to_owned())) };
+        let Some(compression) = rest.prefixed() else {
+            return Some(Err("compression with an invalid name".to_owned()));
+        };
         let codec = match compression {
             b"" => Codec::None,
             b"zstd" => Codec::Zstd,
             b"lz4" => Codec::Lz4,
-            other => return Some(Err(format!("compression {:?} is not known", String::from_utf8_lossy(other)))),
+            other => return Some(Err(format!("unknown compression {:?}", String::from_utf8_lossy(other)))),
         };
         let compressed = rest.u64()?;
         let data_at = (bytes.len() - rest.0.len()) as u64;

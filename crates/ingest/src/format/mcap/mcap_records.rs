@@ -27,7 +27,7 @@ const LONGEST_FOUND: u64 = 1 << 20;
 /// Maximum logs one after another in one file.
 const MOST_LOGS: u64 = 1000;
 /// Reported for a chunk that is not complete in the file.
-const CUT: &str = "a chunk that is cut";
+const CUT: &str = "a truncated chunk";
 
 /// The records of one file, which may be several logs one after another.
 pub(super) struct Records<'b, 'c, V> {
@@ -222,7 +222,7 @@ impl<'b, 'c, V: Visit> Records<'b, 'c, V> {
         self.visit.settle(is_right);
         if stated != 0 && !log.damaged && !is_right {
             let place = format!("{}, bytes {} to {end}", self.name, log.start);
-            let text = "the checksum over the data section is wrong: some of its bytes are not what was written";
+            let text = "the checksum of the data section is wrong: some of its bytes are damaged";
             self.notices.push(Code::Corrupt, place, end - log.start, text);
         }
     }
@@ -252,14 +252,14 @@ impl<'b, 'c, V: Visit> Records<'b, 'c, V> {
             return Ok(wrong(fault.into()));
         }
         if chunk.crc != 0 && unpacked.crc != chunk.crc {
-            return Ok(wrong("the chunk's checksum is wrong".into()));
+            return Ok(wrong("the checksum of the chunk is wrong".into()));
         }
         self.log.without_crc += u64::from(chunk.crc == 0);
         self.visit.vouch(if chunk.crc == 0 { outer } else { Vouch::Checksum });
         let verdict = contents(unpacked.bytes, self.visit, &mut self.log.unknown);
         self.visit.vouch(outer);
         if leads_over_records(file, head.start + chunk.data_at + chunk.compressed, head)? {
-            return Ok(Fetched::Damaged("a chunk whose length leads over other records; it was kept".into()));
+            return Ok(Fetched::Damaged("a chunk whose length reaches over other records; it was kept".into()));
         }
         Ok(verdict.map_or_else(|reason| Fetched::Damaged(reason.into()), Fetched::Taken))
     }
@@ -298,7 +298,7 @@ impl<'b, 'c, V: Visit> Records<'b, 'c, V> {
             }
         }
         if leads_over_records(source, crc_at + 4, head)? {
-            return Ok(Fetched::Damaged("an attachment whose length leads over other records".into()));
+            return Ok(Fetched::Damaged("an attachment whose length reaches over other records".into()));
         }
         let whole = self.visit.takes_attachments() && head.length <= self.context.limits.record_bytes;
         let shown = if whole { head.length } else { head.length.min(ATTACHMENT_SHOWN) };
@@ -348,7 +348,7 @@ impl<'b, 'c, V: Visit> Records<'b, 'c, V> {
 }
 
 /// Reported for an attachment that does not fit its record.
-const BAD_ATTACHMENT: &str = "the attachment's own header is damaged";
+const BAD_ATTACHMENT: &str = "the header of the attachment is damaged";
 
 /// Whether the content of a record ends at `end`, and other records follow up to its stated length.
 fn leads_over_records<S: Source>(source: &mut S, end: u64, head: &Head) -> Result<bool, ScanError> {
@@ -479,21 +479,21 @@ impl<V: Visit> Framing for Records<'_, '_, V> {
     fn fault(&self, bytes: &[u8]) -> Cow<'static, str> {
         let log = &self.log;
         if self.logs >= MOST_LOGS {
-            return "more logs in one file than are read".into();
+            return "too many logs in one file".into();
         }
         if !self.has_begun {
             return wrong_start(bytes.get(..MAGIC.len() + 1).unwrap_or(bytes), MAGIC, WRONG_START).into();
         }
         match Head::of(bytes, 0) {
             _ if log.end.is_some() => "bytes after the end of the log".into(),
-            _ if log.footer_seen => "the eight bytes that end the file are missing".into(),
+            _ if log.footer_seen => "the last eight bytes of the file are missing".into(),
             None => "the file ends inside the header of a record".into(),
             Some(head) if head.opcode == 0 || !head.fits_its_type() => NO_RECORD.into(),
             Some(head) => match (head.opcode, ChunkHead::of(bytes, &head)) {
                 (op::CHUNK, _) if !head.may_be() => CUT.into(),
                 (op::CHUNK, Err(reason)) => reason.into(),
-                (opcode, Ok(_)) if !is_defined(opcode) => "a chunk whose type byte is damaged".into(),
-                (opcode, _) => format!("a {} that is cut, or whose length is wrong", name(opcode)).into(),
+                (opcode, Ok(_)) if !is_defined(opcode) => "a chunk with a damaged type byte".into(),
+                (opcode, _) => format!("a {} that is truncated or has a wrong length", name(opcode)).into(),
             },
         }
     }
@@ -509,27 +509,28 @@ const NO_RECORD: &str = "the bytes here are not a record";
 impl State {
     fn conclude(&self, file: &str, notices: &mut Notices) {
         if !self.footer_seen {
-            let text = "the file has no footer: it was cut, or its recorder was stopped before it could close it";
+            let text = "the file has no footer: it is truncated, or the recorder was stopped before it closed the \
+                file";
             notices.push(Code::IncompleteRecording, file, 1, text);
         } else if !self.data_ended && !self.damaged {
-            let text = "the record that ends the data is missing: it was swallowed by another, or never written";
+            let text = "the record that ends the data is missing: another record covers it, or it was never written";
             notices.push(Code::IncompleteRecording.at(Severity::Warning), file, 1, text);
         } else if self.end.is_none() && !self.damaged {
-            notices.push(Code::IncompleteRecording, file, 1, "the file is truncated just after its footer");
+            notices.push(Code::IncompleteRecording, file, 1, "the file is truncated directly after its footer");
         }
         if self.summary.trust == summary::Trust::Bad {
-            let text = "the summary at the end does not have the checksum that it states; it was not used";
+            let text = "the summary at the end does not match its checksum; it was not used";
             notices.push(Code::Corrupt, file, 1, text);
         }
-        self.unknown.tell(Code::UnknownRecord, file, "records of unknown types, passed over", notices);
-        let text = "records of an application's own types, passed over";
+        self.unknown.tell(Code::UnknownRecord, file, "records of unknown types were skipped", notices);
+        let text = "records of private types of an application were skipped";
         self.private.tell(Code::UnknownRecord.at(Severity::Info), file, text, notices);
         if self.without_crc > 0 {
-            let text = "chunks carry no checksum: their content cannot be verified";
+            let text = "chunks have no checksum: their content cannot be verified";
             notices.push(Code::NoChecksum.at(Severity::Info), file, self.without_crc, text);
         }
-        let text = "chunks hold no wanted topic and were left closed: their messages are counted by the index, \
-                    which knows neither their size nor when they were published";
+        let text = "chunks without a wanted topic were not decompressed; their messages are counted from the index, \
+            which states neither sizes nor publish times";
         if self.not_opened > 0 {
             notices.push(Code::Skipped, file, self.not_opened, text);
         }
@@ -543,10 +544,10 @@ fn contents<V: Visit>(data: &[u8], visit: &mut V, unknown: &mut Tally) -> Result
     let mut bad = Tally::default();
     while !rest.0.is_empty() {
         let (Some(opcode), Some(length)) = (rest.u8(), rest.u64()) else {
-            return Err("the chunk ends inside the header of a record; what came before was kept".to_owned());
+            return Err("the chunk ends inside the header of a record; the records before it were kept".to_owned());
         };
         let Some(body) = usize::try_from(length).ok().and_then(|length| rest.take(length)) else {
-            return Err("a record reaches past the end of its chunk; what came before was kept".to_owned());
+            return Err("a record reaches beyond the end of its chunk; the records before it were kept".to_owned());
         };
         match opcode {
             op::MESSAGE | op::SCHEMA | op::CHANNEL => match visit.record(opcode, body) {
@@ -560,7 +561,7 @@ fn contents<V: Visit>(data: &[u8], visit: &mut V, unknown: &mut Tally) -> Result
     if bad.count == 0 {
         return Ok(fate);
     }
-    Err(format!("{} records of the chunk are unusable, the rest was kept; the first: {}", bad.count, bad.first))
+    Err(format!("{} records of the chunk are unusable, the others were kept; the first: {}", bad.count, bad.first))
 }
 
 /// A chunk with a wanted message counts as decoded, one with any message as more than structure.

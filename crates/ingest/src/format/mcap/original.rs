@@ -127,7 +127,7 @@ impl Originals {
         let next = self.rows.len();
         let known = *self.topics.entry(info).or_insert_with(|| clock.map(|clock| (next, clock)));
         if known.map(|(_, clock)| clock) != clock {
-            return Err("of whose topic another channel says that it was something else".to_owned());
+            return Err("but another channel of the same topic states a different original".to_owned());
         }
         if known.is_some_and(|(number, _)| number == next) {
             self.rows.push(vec![]);
@@ -185,7 +185,7 @@ impl Originals {
             }
         }
         if self.unreadable > 0 {
-            let text = "what the file says of the log that it was recovered from cannot be read";
+            let text = "the information about the log that this file was recovered from cannot be read";
             log.notices.push(Code::IndexDiffers, "", self.unreadable, text);
         }
         self.logs.into_iter().for_each(|original| original.put(log));
@@ -234,7 +234,8 @@ impl OriginalLog {
             log.notices.add(Notice { severity, text, ..notice.clone() });
         }
         if more > 0 {
-            let text = "the file says more of the log that it was recovered from than a log has to say: not all of it is taken";
+            let text = "the information about the log that this file was recovered from is too long; not all of it \
+                was read";
             log.notices.push(Code::IndexDiffers, "", more, text);
         }
     }

@@ -77,8 +77,8 @@ impl Order {
     pub(super) fn finish(self, notices: &mut Notices) -> bool {
         let leads = self.leads();
         if leads {
-            let text = "VTG has no time and comes before the other sentences of its epoch: it agrees with the next RMC and not with \
-                        the previous one. It is not used; RMC has the same speed and track";
+            let text = "VTG has no time and comes before the other sentences of its epoch: it agrees with the next \
+                RMC and not with the one before. It is not used; RMC has the same speed and track";
             notices.push(Code::Undated.at(Severity::Warning), "VTG", self.count, text);
         }
         leads

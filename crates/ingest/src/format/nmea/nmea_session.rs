@@ -172,16 +172,16 @@ impl Session {
     /// are made.
     pub(crate) fn finish(self, log: &mut Log, notices: &mut Notices) -> Dates {
         let text = match self.epochs.begin_ns {
-            Some(_) => "sentences come before the first date, and are dated backwards from it",
+            Some(_) => "sentences before the first date are dated backwards from it",
             None => "sentences have no date: the log has no RMC with a valid fix and no ZDA",
         };
         self.early.tell(Code::Undated, "", text, notices);
-        let text = "sentences come before the first time, because the log begins inside an epoch: they are not used";
+        let text = "sentences before the first time, because the log begins inside an epoch: they are not used";
         self.headless.tell(Code::Undated, "", text, notices);
-        let text = "sentences that say no time stand behind damage, or where the receiver has lost the time, and those before them \
-                    may be of another epoch: they are not used";
+        let text = "sentences without a time come after damage, or where the receiver lost the time; the sentences \
+            before them may be of another epoch. They are not used";
         self.broken.tell(Code::Undated.at(Severity::Warning), "", text, notices);
-        let text = "sentences lack the time that their type has: nothing dates them";
+        let text = "sentences lack the time that their type should have: they cannot be dated";
         self.timeless.tell(Code::Undecodable, "", text, notices);
         tell_too_many_topics(&self.unplaced, "sentences", "", notices);
         if let Some((text, dates)) = self.age.suspicion() {
@@ -445,11 +445,14 @@ impl Default for Age {
 }
 
 /// As the weeks of other logs are interpreted: only ten-bit weeks are below 1024.
-const NO_LOG_BEFORE: Since =
-    Since { week: 1024, why: "no log read here is from before 1999-08-22, when the GPS week first rolled over" };
+const NO_LOG_BEFORE: Since = Since {
+    week: 1024,
+    why: "flightlag assumes that no log is from before 1999-08-22, when the GPS week first \
+        rolled over",
+};
 /// NMEA 0183, version 4.10, of June 2012: it defines talkers for Galileo and others, and RMC has one more field.
 const VERSION_4_10: Since =
-    Since { week: 1691, why: "its sentences are those of NMEA 0183, version 4.10, which is of June 2012" };
+    Since { week: 1691, why: "its sentences are of NMEA 0183 version 4.10, published in June 2012" };
 
 impl Age {
     fn look(&mut self, talker: &str, name: &str, sentence: &Sentence<'_>, date: Option<i64>) {

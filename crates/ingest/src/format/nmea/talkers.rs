@@ -88,11 +88,17 @@ fn tell(name: &str, speech: Speech, tables: &[Table], notices: &mut Notices) {
     let mut say = |what: Graded, text| notices.push(what, name, rows, text);
     match speech {
         Speech::InTurn => {
-            let text = format!("the receiver changed its talker: what it said as {said} is one topic");
+            let text = format!(
+                "the receiver changed its talker ID: the sentences of {said} are joined into one \
+                topic"
+            );
             say(Code::SeveralSources.into(), text);
         }
         Speech::Between => {
-            let text = format!("{said} are of different times, maybe of several receivers: a channel is made of one");
+            let text = format!(
+                "{said} have different times and may be of several receivers: a channel uses only one \
+                of them"
+            );
             say(Code::SeveralSources.at(Severity::Warning), text);
         }
         Speech::AtOnce => {}

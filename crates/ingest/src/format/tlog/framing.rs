@@ -7,7 +7,7 @@ use crate::reader::ReadContext;
 use logscan::LogFile;
 
 /// Reported where no frame begins.
-pub(super) const NO_FRAME: &str = "bytes that are not a frame of MAVLink";
+pub(super) const NO_FRAME: &str = "bytes that are not a MAVLink frame";
 
 /// Bytes of the time before a frame.
 pub(super) const TIME: usize = 8;

@@ -221,7 +221,7 @@ fn time(clock: Clock, at_ns: i64) -> String {
             let time = jiff::Timestamp::from_nanosecond(at_ns.into()).ok();
             time.map_or_else(String::new, |time| time.strftime("%Y-%m-%d %H:%M:%S%.3f UTC").to_string())
         }
-        _ if at_ns == 0 => "before any time is known".to_owned(),
+        _ if at_ns == 0 => "before the first known time".to_owned(),
         _ => format!("{:.3} s", at_ns as f64 / NANOS_PER_SECOND as f64),
     }
 }

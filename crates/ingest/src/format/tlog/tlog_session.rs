@@ -22,19 +22,19 @@ pub(super) const MOST_TOPICS: usize = 8192;
 pub(super) fn fault(frame: &Frame<'_>) -> Cow<'static, str> {
     match frame.intact {
         None => format!(
-            "a frame of message {}, which is not known, so that its checksum cannot be checked; no other frame follows it",
+            "a frame of the unknown message {}: its checksum cannot be checked, and no frame follows it",
             frame.message
         )
         .into(),
         // The flags may be corrupt, or the header longer than this reader knows.
         _ if frame.unknown_flags != 0 => {
-            "a frame with incompatibility flags that are not known, and whose checksum is wrong for every header that is".into()
+            "a frame with unknown incompatibility flags; its checksum is wrong for every known header".into()
         }
         _ => "the checksum of a frame is wrong".into(),
     }
 }
 
-const FLAGGED: &str = "incompatibility flags that are not known";
+const FLAGGED: &str = "unknown incompatibility flags";
 
 /// Properties shared by the messages of one topic and layout.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -127,9 +127,8 @@ impl<'b, 't> Session<'b, 't> {
     /// The error for a log with intact frames, not one of which could be used.
     pub(super) fn why_nothing(&self) -> Option<String> {
         let Tally { count, first } = &self.flagged;
-        (self.frames == 0 && *count > 0).then(|| {
-            format!("all of its frames that are intact ({count}) have {FLAGGED}, and were not read; the first: {first}")
-        })
+        (self.frames == 0 && *count > 0)
+            .then(|| format!("all intact frames ({count}) have {FLAGGED} and were not read; the first: {first}"))
     }
 
     fn message(&mut self, frame: &Frame<'_>, logged_ns: i64, place: u64) -> Fate {
@@ -195,7 +194,7 @@ impl<'b, 't> Session<'b, 't> {
             None if self.topics.takes_extras() => {
                 self.topics.cells_route(info, &[], || Ok(CellLayout::of([(PAYLOAD_HEX, CellKind::Text)])))
             }
-            None => self.topics.packed_route(info, &[], |_| Err("a message that is not defined".to_owned())),
+            None => self.topics.packed_route(info, &[], |_| Err("an undefined message".to_owned())),
         };
         let route = route.ok();
         self.routes.insert(key, route);
@@ -204,33 +203,32 @@ impl<'b, 't> Session<'b, 't> {
 
     /// Writes what the log says about its vehicle, and what was wrong with it.
     pub(super) fn finish(self, log: &mut Log, notices: &mut Notices) {
-        let text = format!("frames have {FLAGGED}: they are intact and were not read, as MAVLink asks");
+        let text = format!("frames have {FLAGGED}: they are intact, but were not read, as MAVLink requires");
         self.flagged.tell(Code::UnknownRecord.at(Severity::Loss), "", &text, notices);
         tell_too_many_topics(&self.unplaced, "messages", "", notices);
-        let text = "the times in front of frames leap away from those of their neighbours and back; the frames have a time \
-                    between";
+        let text = "the receive times of these frames jump away from those of their neighbours and back; times \
+            between the neighbours are used instead";
         self.receive.out_of_line.tell(Code::UnreliableStamps.at(Severity::Loss), "", text, notices);
-        let text = "frames were received before 2000 or after 2100 by a clock that was not set";
+        let text = "frames have a receive time before 2000 or after 2100: the clock was not set";
         self.receive.unset.tell(Code::UnreliableStamps, "", text, notices);
-        let text = "the clock by which frames were received was set back";
+        let text = "the clock of the receive times was set back";
         self.receive.set_back.tell(Code::UnreliableStamps, "", text, notices);
         let frames = self.undefined.values().sum();
         if frames > 0 {
-            let text = format!("frames of messages that are not defined were not read: {}", listed(&self.undefined));
+            let text = format!("frames of undefined messages were not read: {}", listed(&self.undefined));
             notices.push(Code::UnknownRecord, "", frames, text);
         }
         crate::format::tell_preamble(self.preamble, notices);
         if self.stamped {
             log.restarts = self.boot.finish();
         } else {
-            let text = "frames stand one behind the other without the times at which they were received: their messages' own \
-                        clocks are all there is";
+            let text = "frames have no receive times: the only clocks are those of the messages";
             notices.push(Code::StampKind.at(Severity::Warning), "", self.frames, text);
         }
         if self.later_runs > 0 {
-            let text = "messages are of a later run of the vehicle: its clock since boot restarts, and without times of \
-                        reception it is unknown how far apart the runs are. Channels are made of the first run alone; the \
-                        topics of the others have the number of the run, as ATTITUDE#2";
+            let text = "messages are of a later run of the vehicle: its clock since boot restarts. Without receive \
+                times, the time between the runs is unknown. Channels are made from the first run only. The topics \
+                of the others have the number of the run, such as ATTITUDE#2";
             notices.push(Code::Undated.at(Severity::Loss), "", self.later_runs, text);
         }
         log.health.about = self.vehicle.finish();

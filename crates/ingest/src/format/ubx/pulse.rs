@@ -99,8 +99,8 @@ impl Pulse {
             Base::Utc => 1000 * leaps_s(count_ms),
             Base::Of(System::Glonass) => return Err("in GLONASS time"),
             Base::Of(System::NavIc) => return Err("in NavIC time"),
-            Base::Receiver => return Err("in the receiver's own time"),
-            Base::NotValid => return Err("its time is not valid"),
+            Base::Receiver => return Err("in receiver time"),
+            Base::NotValid => return Err("the time is not valid"),
         };
         let gps_ms = count_ms + ahead_ms;
         match gps_ms.div_euclid(WEEK_MS) {
@@ -231,7 +231,7 @@ mod tests {
         let at = |flags: u8| Pulse::marked(2146, 1000, flags, System::Gps).gps(None);
         let valid = 1 << 6;
         assert_eq!([at(valid | 1 << 3), at(valid | 2 << 3)], [Ok((2146, 1000)), Ok((2146, 19_000))]);
-        assert_eq!([at(valid), at(valid | 3 << 3)], [Err("in the receiver's own time"); 2]);
-        assert_eq!([at(0x80), at(1 << 3), at(2 << 3)], [Err("its time is not valid"); 3]);
+        assert_eq!([at(valid), at(valid | 3 << 3)], [Err("in receiver time"); 2]);
+        assert_eq!([at(0x80), at(1 << 3), at(2 << 3)], [Err("the time is not valid"); 3]);
     }
 }

@@ -50,7 +50,7 @@ pub(super) fn may_be_cut(bytes: &[u8]) -> bool {
 /// Fault of a complete frame.
 pub(super) const WRONG: &str = "the checksum of a frame is wrong";
 /// Fault of an incomplete frame.
-pub(super) const CUT: &str = "a frame whose length is wrong";
+pub(super) const CUT: &str = "a frame with a wrong length";
 
 /// Length of the frame that begins here, by its header; `None` if the header is truncated.
 pub(super) fn length_at(bytes: &[u8]) -> Option<usize> {

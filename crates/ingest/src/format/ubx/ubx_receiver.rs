@@ -49,7 +49,7 @@ pub(super) struct Receiver {
 const NEAR_MS: i64 = 10_000;
 
 /// NAV-PVT came with the receivers of generation 7 (protocol 14, 2012), HNR-PVT later.
-const PVT: Since = Since { week: 1669, why: "its messages are those of receivers since 2012" };
+const PVT: Since = Since { week: 1669, why: "its messages exist only in receivers since 2012" };
 
 impl Receiver {
     /// Takes a message; returns what is to be prepended to its payload.

@@ -216,7 +216,7 @@ fn release(version: u32) -> String {
 /// `GPS 0: u-blox F9P (device 0xaa0005)`: the second-highest byte of a device's number is its type (PX4,
 /// `src/drivers/drv_sensor.h`).
 fn receiver(instance: u8, device: u32) -> String {
-    let name = kind_of(device).unwrap_or("of a type that is not known");
+    let name = kind_of(device).unwrap_or("of an unknown type");
     format!("GPS {instance}: {name} (device {device:#x})")
 }
 

@@ -123,7 +123,7 @@ impl Formats {
         }
         self.text_bytes += text.len();
         if self.by_name.len() >= MOST_FORMATS || self.text_bytes > MOST_TEXT || self.replaced >= MOST_REPLACED {
-            return Err("there are more formats than a log may have".to_owned());
+            return Err("there are too many formats".to_owned());
         }
         self.version += 1;
         if self.by_name.insert(name.to_owned(), format).is_some() {
@@ -161,7 +161,7 @@ impl Formats {
         for field in fields.iter() {
             self.looked_at += 1;
             if self.looked_at > MOST_MEASURED {
-                return Err("the formats refer to each other too often".to_owned());
+                return Err("the formats refer to each other too many times".to_owned());
             }
             if let (true, FieldKind::Basic(Basic::Number(number)), None) =
                 (field.name == "timestamp", &field.kind, field.count)

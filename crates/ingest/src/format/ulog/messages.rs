@@ -62,7 +62,7 @@ impl<'f, 'w> Messages<'f, 'w> {
         if self.version > VERSION {
             let version = self.version;
             let text =
-                format!("the log is of version {version}; what is new in it since version {VERSION} is not read");
+                format!("the log has version {version}; parts that are new since version {VERSION} are not read");
             self.notices.push(Code::UnknownRecord, self.file, 1, text);
         }
         session.conclude(self.file, self.notices);
@@ -167,7 +167,7 @@ impl Framing for Messages<'_, '_> {
         match (kind.zip(body), &self.session) {
             (Some((kind, body)), Some(session)) => match session.judge(kind, body) {
                 Judged::Wrong(reason) => reason.into(),
-                _ => "a message whose length is wrong".into(),
+                _ => "a message with a wrong length".into(),
             },
             _ => NO_MESSAGE.into(),
         }

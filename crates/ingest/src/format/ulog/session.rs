@@ -155,7 +155,7 @@ impl<'t, 'w> Session<'t, 'w> {
             Kind::FlagBits if self.is_fresh && body.len() > FLAG_BITS => Trust::Fits,
             Kind::Data => match self.known_of(body).map(|known| &known.meaning.extent) {
                 Some(Ok(extent)) if extent.fits(body) => Trust::Sure,
-                Some(Ok(_)) => Trust::Wrong("a message whose length does not fit its format"),
+                Some(Ok(_)) => Trust::Wrong("a message with a length that does not fit its format"),
                 Some(Err(_)) | None => judge(kind, body),
             },
             Kind::Subscribe => match Subscription::parse(body).and_then(|s| std::str::from_utf8(s.name).ok()) {
@@ -226,8 +226,8 @@ impl<'t, 'w> Session<'t, 'w> {
     }
 
     fn subscribe(&mut self, body: &[u8]) -> Result<(), String> {
-        let Subscription { instance, number, name } = Subscription::parse(body).ok_or("a subscription that is cut")?;
-        let name = std::str::from_utf8(name).map_err(|_| "a subscription to no name")?;
+        let Subscription { instance, number, name } = Subscription::parse(body).ok_or("a truncated subscription")?;
+        let name = std::str::from_utf8(name).map_err(|_| "a subscription without a name")?;
         let place = usize::from(number);
         if self.known.len() <= place {
             self.known.resize_with(place + 1, || None);
@@ -314,12 +314,12 @@ impl<'t, 'w> Session<'t, 'w> {
         self.tell_lost(file, notices);
         self.tell_lenient(file, notices);
         if self.gathered.not_kept > 0 {
-            let text = "names, or changes of parameters and modes, that are too many to be listed";
+            let text = "more names, or changes of parameters and modes, than are listed";
             notices.push(Code::NotListed, file, self.gathered.not_kept, text);
         }
         let more = self.gathered.texts_not_kept();
         if more > 0 {
-            notices.push(Code::NotListed, file, more, "more logged texts, counted and not listed");
+            notices.push(Code::NotListed, file, more, "more logged texts; they are counted, but not listed");
         }
     }
 
@@ -328,36 +328,39 @@ impl<'t, 'w> Session<'t, 'w> {
         let Dropouts { count, total_ms, longest_ms } = self.dropouts;
         if count > 0 {
             let text = format!(
-                "the logger could not keep up: dropouts of {:.3} s in all, the longest {longest_ms} ms; what was published then was never written",
+                "the logger could not keep up: dropouts of {:.3} s in total, the longest {longest_ms} ms; messages \
+                 published during them were not written",
                 total_ms as f64 * 1e-3
             );
             notices.push(Code::Dropout, file, count, text);
         }
         tell_unplaced(&self.unplaced, file, notices);
-        self.odd.bad_formats.tell(Code::Undecodable, file, "messages whose format cannot be used", notices);
+        self.odd.bad_formats.tell(Code::Undecodable, file, "messages with a format that cannot be used", notices);
         let what = Code::UnknownRecord.at(Severity::Loss);
-        self.unknown.tell(what, file, "messages of a type that is not known", notices);
+        self.unknown.tell(what, file, "messages of an unknown type", notices);
         if self.flags.unknown() {
-            let text = "the log says that it uses features that are not known: what was read may be wrong";
+            let text = "the log states that it uses features that flightlag does not know: what was read may be \
+                wrong";
             notices.push(what, file, 1, text);
         }
     }
 
     /// Reports irregular data that were read.
     fn tell_lenient(&self, file: &str, notices: &mut Notices) {
-        self.redefined.tell(Code::Redefined, file, "numbers of topics were given to others", notices);
+        self.redefined.tell(Code::Redefined, file, "numbers of topics were reused for other topics", notices);
         if self.formats.replaced > 0 {
-            let text = "formats were replaced by others of their name; each topic is read by the one before it";
+            let text = "formats were replaced by others with the same name; each topic is read with the format \
+                before it";
             notices.push(Code::Redefined, file, self.formats.replaced, text);
         }
-        let text = "messages whose stamp lies before that of the message before";
+        let text = "messages with a timestamp earlier than that of the message before";
         self.back_jumps.tell(Code::UnreliableStamps, file, text, notices);
         if let Some(rarer) = self.odd.rarer() {
             let text =
-                "messages that are padded otherwise than all others: their format may not be what they were written by";
+                "messages with a different padding than all others: they may have been written with another format";
             rarer.tell(Code::ReadLeniently, file, text, notices);
         }
-        let text = "messages without a timestamp have that of the message before";
+        let text = "messages without a timestamp get that of the message before";
         self.odd.without_stamp.tell(Code::Undated.at(Severity::Warning), file, text, notices);
     }
 }

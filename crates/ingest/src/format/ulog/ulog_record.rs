@@ -89,15 +89,15 @@ pub(super) fn judge(kind: Kind, body: &[u8]) -> Trust {
         Kind::Sync if body == SYNC => Trust::Sure,
         Kind::Sync => Trust::Wrong("a sync message with a wrong magic number"),
         Kind::Dropout | Kind::Unsubscribe if body.len() == 2 => Trust::Weak,
-        Kind::Dropout => Trust::Wrong("a dropout of a wrong length"),
-        Kind::Unsubscribe => Trust::Wrong("an unsubscription of a wrong length"),
+        Kind::Dropout => Trust::Wrong("a dropout with a wrong length"),
+        Kind::Unsubscribe => Trust::Wrong("an unsubscription with a wrong length"),
         Kind::Format => format_trust(body),
-        Kind::Info => Entry::parse(body).map_or(Trust::Wrong("an information that is damaged"), Entry::trust),
+        Kind::Info => Entry::parse(body).map_or(Trust::Wrong("a damaged information message"), Entry::trust),
         Kind::InfoPart | Kind::DefaultParameter => {
             let entry = body.get(1..).and_then(Entry::parse);
-            entry.map_or(Trust::Wrong("an information or default that is damaged"), Entry::trust)
+            entry.map_or(Trust::Wrong("a damaged information message or default parameter"), Entry::trust)
         }
-        Kind::Parameter => Entry::parse(body).map_or(Trust::Wrong("a parameter that is damaged"), Entry::trust),
+        Kind::Parameter => Entry::parse(body).map_or(Trust::Wrong("a damaged parameter"), Entry::trust),
         Kind::Subscribe => match Subscription::parse(body) {
             Some(subscription) if is_name(subscription.name) => Trust::Fits,
             _ => Trust::Wrong("a subscription without a name"),
@@ -105,13 +105,13 @@ pub(super) fn judge(kind: Kind, body: &[u8]) -> Trust {
         Kind::Text => text_trust(body, 9),
         Kind::TaggedText => text_trust(body, 11),
         Kind::Data if body.len() >= 2 => Trust::Weak,
-        Kind::Data => Trust::Wrong("a message too short for its number"),
+        Kind::Data => Trust::Wrong("a message too short to hold its number"),
     }
 }
 
 /// The length of a short format agrees too: it ends with a field.
 fn format_trust(body: &[u8]) -> Trust {
-    const DAMAGED: Trust = Trust::Wrong("a format that is damaged");
+    const DAMAGED: Trust = Trust::Wrong("a damaged format");
     let head = body.get(..body.len().min(LONGEST_NAME)).unwrap_or_default();
     let Some(end) = memchr::memchr(b':', head).filter(|&end| head.get(..end.min(FORMAT_GLANCE)).is_some_and(is_name))
     else {
@@ -151,7 +151,7 @@ fn text_trust(body: &[u8], head: usize) -> Trust {
     let control = |b: &u8| *b < b' ' && !b"\x07\x08\t\n\r\x1b".contains(b);
     match level && head.last() == Some(&0) && !text.iter().take(GLANCE).any(control) {
         true => Trust::Fits,
-        false => Trust::Wrong("a logged text that is damaged"),
+        false => Trust::Wrong("a damaged logged text"),
     }
 }
 

@@ -66,7 +66,7 @@ pub(super) fn entries(file: &mut File, most: usize) -> io::Result<Vec<Entry>> {
     }
     entries.retain(Entry::is_file);
     if entries.len() > most {
-        let what = format!("ZIP archive of {} files; more than {most} are not looked into", entries.len());
+        let what = format!("ZIP archive of {} files; archives of more than {most} are not examined", entries.len());
         return Err(io::Error::other(what));
     }
     Ok(entries)
@@ -232,7 +232,7 @@ fn header(head: &[u8], at: u64) -> Option<(Entry, u64)> {
 /// Position of the packed bytes of an entry.
 pub(super) fn place(file: &mut File, entry: &Entry) -> io::Result<Range<u64>> {
     let head = read_at(file, entry.header_at, 30 + 2 * MOST_COMMENT)?;
-    let broken = || io::Error::new(io::ErrorKind::InvalidData, "the list points to no header");
+    let broken = || io::Error::new(io::ErrorKind::InvalidData, "the list of files does not point to a header");
     let (_, start) = header(&head, entry.header_at).ok_or_else(broken)?;
     Ok(start..start.saturating_add(entry.packed_bytes))
 }
@@ -252,7 +252,7 @@ fn unpacked<'r>(method: u16, packed: impl BufRead + 'r) -> Result<Box<dyn Read +
         8 => Box::new(flate2::bufread::DeflateDecoder::new(packed)),
         12 => Box::new(bzip2::bufread::BzDecoder::new(packed)),
         93 => super::zstandard(packed)?,
-        other => return Err(format!("the ZIP archive is packed in a way that is not read (method {other})")),
+        other => return Err(format!("the ZIP archive uses an unsupported compression (method {other})")),
     })
 }
 

@@ -92,15 +92,15 @@ pub(super) fn decide(of: &TimedTriple<'_>, flown: Option<&Flown>) -> Result<Body
         check_no_offset(of, &readings, flown)?;
         return match units.as_slice() {
             [unit] => Ok(body(*unit, "frd-ned", vec![why_unit, UNCONFIRMED.to_owned()])),
-            _ => Err("nothing shows whether they are in degrees or radians".to_owned()),
+            _ => Err("they may be in degrees or radians; nothing shows which".to_owned()),
         };
     };
     let course = format!(
-        "{} follows the course of the velocity to {best:.3} if it counts {}",
+        "{} agrees with the course of the velocity to {best:.3} if it counts {}",
         of.group.columns[2].path, reading.sense.words
     );
     let pitch = pitch_side(of, reading, flown)?;
-    let why_unit = if units.len() > 1 { format!("{}, as the course says", reading.unit) } else { why_unit };
+    let why_unit = if units.len() > 1 { format!("{}, according to the course", reading.unit) } else { why_unit };
     Ok(body(reading.unit, reading.sense.frame, vec![why_unit, course, pitch]))
 }
 
@@ -128,13 +128,13 @@ fn reading_by_course(
         };
     }
     if reading.sense.frame.is_empty() {
-        return Err(format!("yaw counts {}, for which a channel map has no frame", reading.sense.words));
+        return Err(format!("yaw counts {}, and channel maps have no frame for this", reading.sense.words));
     }
     Ok(Some((best, reading)))
 }
 
-const UNCONFIRMED: &str = "nothing confirms the yaw: it is taken clockwise from north, with the nose up and the right side down, by \
-                           the names alone";
+const UNCONFIRMED: &str = "nothing confirms the yaw: by the names alone it is assumed clockwise from north, pitch \
+    positive nose up, roll positive right side down";
 
 /// Possible units of the angles, with the reason.
 fn units(of: &TimedTriple<'_>) -> Result<(Vec<Unit>, String), String> {
@@ -146,7 +146,7 @@ fn units(of: &TimedTriple<'_>) -> Result<(Vec<Unit>, String), String> {
         };
     }
     match of.largest() {
-        most if most > 361.0 => Err(format!("they reach {most:.0}, which is more than a circle in degrees")),
+        most if most > 361.0 => Err(format!("they reach {most:.0}, more than a full circle in degrees")),
         most if most > TAU + 1e-3 => Ok((vec![unit("deg")?], "their range is that of deg".to_owned())),
         _ => Ok((vec![unit("deg")?, unit("rad")?], "tried as deg and rad".to_owned())),
     }
@@ -198,7 +198,7 @@ fn check_no_offset(of: &TimedTriple<'_>, readings: &[Reading], flown: Option<&Fl
 /// Checks that pitch has the sign of the frame when the vehicle climbs.
 fn pitch_side(of: &TimedTriple<'_>, reading: Reading, flown: Option<&Flown>) -> Result<String, String> {
     let path = &of.group.columns[1].path;
-    let unknown = || format!("the sign of {path} and {} is by their names alone", of.group.columns[0].path);
+    let unknown = || format!("the signs of {path} and {} are assumed from their names", of.group.columns[0].path);
     let Some(flown) = flown.filter(|flown| flown.has_down) else { return Ok(unknown()) };
     let angles = of.trace(reading.unit);
     let pairs = angles.times_s.iter().zip(&angles.values).filter_map(|(t, [_, pitch, _])| {
@@ -211,7 +211,7 @@ fn pitch_side(of: &TimedTriple<'_>, reading: Reading, flown: Option<&Flown>) -> 
     match follows * expected {
         agreed if agreed >= 0.5 => Ok(format!("{path} follows the climb to {:.2}", follows.abs())),
         agreed if agreed <= -0.5 => Err(format!(
-            "{path} counts the other way than the frame {} that yaw follows: when the vehicle climbs it goes {}",
+            "{path} has the opposite sign of the frame {} that yaw follows: in a climb it goes {}",
             reading.sense.frame,
             if follows < 0.0 { "down" } else { "up" }
         )),

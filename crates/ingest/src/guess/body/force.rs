@@ -43,14 +43,18 @@ fn unit_by_gravity(of: &TimedTriple<'_>) -> Result<(Unit, f64), String> {
         return match in_g(stated) {
             g if PLAUSIBLE.contains(&g) => Ok((stated, g)),
             g => Err(format!(
-                "the median of their magnitude is {g:.2} g if they are in {stated} as stated: no accelerometer in flight measures that"
+                "the median of their magnitude is {g:.2} g if they are in {stated} as stated, which is impossible \
+                 for an accelerometer in flight"
             )),
         };
     }
     let tried = [si, unit("g0")?, unit("mg0")?];
     let fits = tried.into_iter().find(|unit| PLAUSIBLE.contains(&in_g(*unit)));
     fits.map(|unit| (unit, in_g(unit))).ok_or_else(|| {
-        format!("the median of their magnitude is {median:.3}, which is near 1 g in no unit: gravity may be taken out")
+        format!(
+            "the median of their magnitude is {median:.3}, which is not near 1 g in any unit: gravity may have \
+            been removed"
+        )
     })
 }
 
@@ -76,7 +80,10 @@ fn by_attitude(forces: &Trace<3>, rotation: &Rotation) -> Option<Result<(&'stati
         match forward {
             _ if tilt < LEAST_TILT || forward.abs() < 0.5 => Ok((
                 frame,
-                format!("z points {side} as gravity in the attitude of {path} shows; x and y are by their names"),
+                format!(
+                    "z points {side}, as gravity in the attitude of {path} shows; x and y are assumed from their \
+                    names"
+                ),
             )),
             along if along > 0.0 => Ok((
                 frame,
@@ -85,8 +92,8 @@ fn by_attitude(forces: &Trace<3>, rotation: &Rotation) -> Option<Result<(&'stati
                     down.abs()
                 ),
             )),
-            _ if down < 0.0 => Err("they count along gravity, where an accelerometer measures against it".to_owned()),
-            _ => Err("x points backward and z down, for which a channel map has no frame".to_owned()),
+            _ if down < 0.0 => Err("they are positive along gravity; an accelerometer measures against it".to_owned()),
+            _ => Err("x points backward and z down; channel maps have no frame for this".to_owned()),
         }
     })
 }
@@ -110,11 +117,15 @@ fn by_mean(forces: &Trace<3>, z: &str) -> Result<(&'static str, String), String>
     let mean = forces.values.iter().map(|v| v[2]).sum::<f64>() / count / GRAVITY;
     match mean {
         m if m < -0.7 => {
-            Ok(("frd", format!("{z} is {m:.2} g in the mean, so z points down; x and y are by their names")))
+            Ok(("frd", format!("{z} is {m:.2} g on average, so z points down; x and y are assumed from their names")))
         }
-        m if m > 0.7 => {
-            Ok(("flu", format!("{z} is {m:.2} g in the mean, so z points up; x forward and y left are by their names")))
-        }
-        m => Err(format!("{z} is {m:.2} g in the mean, and no attitude is there: nothing shows where the axes point")),
+        m if m > 0.7 => Ok((
+            "flu",
+            format!(
+                "{z} is {m:.2} g on average, so z points up; x forward and y left are assumed from \
+                their names"
+            ),
+        )),
+        m => Err(format!("{z} is {m:.2} g on average, and there is no attitude: it is unknown where the axes point")),
     }
 }

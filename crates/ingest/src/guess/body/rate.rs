@@ -33,14 +33,14 @@ pub(super) fn decide(of: &TimedTriple<'_>, rotation: Option<&Rotation>) -> Resul
         let (unit, why) = match stated {
             Some(stated) => (stated, format!("the table states {stated}")),
             None if of.largest() > FASTEST => (deg, "their range is that of deg/s".to_owned()),
-            None => return Err("nothing shows whether they are in deg/s or rad/s".to_owned()),
+            None => return Err("they may be in deg/s or rad/s; nothing shows which".to_owned()),
         };
         return body(unit, "frd", vec![why, UNCONFIRMED.to_owned()]);
     };
     if compared.agreement < CONFIRMS {
         let agreement = compared.agreement;
         return Err(format!(
-            "they do not say how {} and its neighbours change (agreement {agreement:.2})",
+            "they do not fit the changes of {} and its neighbours (agreement {agreement:.2})",
             rotation.path
         ));
     }
@@ -67,7 +67,7 @@ fn unit_by_scale(scale: f64, stated: Option<Unit>, usual: [Unit; 2]) -> Result<U
 }
 
 const UNCONFIRMED: &str =
-    "no attitude that turns is there to compare them with: forward, right, down by their names alone";
+    "there is no turning attitude to compare them with: forward, right and down are assumed from their names";
 
 struct Compared {
     agreement: f64,
