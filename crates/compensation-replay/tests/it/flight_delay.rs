@@ -277,7 +277,7 @@ fn shared_timestamps_widen_the_interval_or_prevent_a_measurement() {
     // The error is common to the whole flight, so comparisons of its parts are unchanged.
     let (own, with) = (only(&flight, &quick()).0, shared(0.03));
     assert_eq!((&found(&own).over_time, &found(&own).splits), (&found(&with).over_time, &found(&with).splits));
-    assert!(reason(&shared(0.1)).contains("share one stamp") && reason(&shared(0.1)).contains("±58 ms"));
+    assert!(reason(&shared(0.1)).contains("share one timestamp") && reason(&shared(0.1)).contains("±58 ms"));
 }
 
 /// Against the truth both are absolute: 0.4 s for the position, 0.15 s for the velocity, and their difference.
