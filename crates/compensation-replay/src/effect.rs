@@ -261,6 +261,6 @@ mod tests {
         let far = TruthEffect { compensated_m: e(0.97, 0.05), ..truth(-0.03, 0.005) };
         let found = effect(Some(&far), None, None, Some(0.4));
         assert_eq!(found.verdict, EffectVerdict::NoChange);
-        assert!(found.words.ends_with("but 19.4 × short of what was possible"), "{}", found.words);
+        assert!(found.words.ends_with("but 19.4 × the smallest possible error"), "{}", found.words);
     }
 }
