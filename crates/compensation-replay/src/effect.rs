@@ -226,7 +226,7 @@ mod tests {
         assert!((effect.error_raw_m.unwrap().value - 10.0).abs() < 1e-12);
         assert!((effect.error_compensated_m.unwrap().value - 6.0).abs() < 1e-12);
         assert!((effect.short_by.unwrap() - 6.0).abs() < 1e-9, "6 m where 1 m was possible");
-        assert!(effect.words.contains("6.0 × short"), "{}", effect.words);
+        assert!(effect.words.contains("6.0 × the smallest"), "{}", effect.words);
     }
 
     #[test]
