@@ -195,7 +195,7 @@ mod tests {
         assert!((effect.error_raw_m.unwrap().value - 10.0).abs() < 1e-12);
         assert!((effect.error_compensated_m.unwrap().value - 6.0).abs() < 1e-12);
         assert!((effect.short_by.unwrap() - 6.0).abs() < 1e-9, "6 m where 1 m was possible");
-        assert!(effect.words.contains("6.0 × short"), "{}", effect.words);
+        assert!(effect.words.contains("6.0 × the smallest"), "{}", effect.words);
     }
 
     #[test]
@@ -230,6 +230,6 @@ mod tests {
         let far = TruthEffect { compensated_m: e(0.97, 0.05), ..truth(-0.03, 0.005) };
         let found = effect(Some(&far), None, None, Some(0.4));
         assert_eq!(found.verdict, EffectVerdict::NoChange);
-        assert!(found.words.ends_with("but 19.4 × short of what was possible"), "{}", found.words);
+        assert!(found.words.ends_with("but 19.4 × the smallest possible error"), "{}", found.words);
     }
 }

@@ -96,7 +96,7 @@ fn row_3_takes_the_others_if_the_own_delay_is_unknown() {
         (untold("own", |p| p.verdict = NetworkVerdict::Scattered), "do not agree"),
         (untold("own", |p| p.datum = NetworkDatum::Refused), "its IMU is itself late"),
         (untold("own", |p| p.datum = NetworkDatum::None), "nothing in this flight ties it to true time"),
-        (untold("own", |p| p.weak = true), "leads through a filter"),
+        (untold("own", |p| p.weak = true), "link to true time is a filter"),
         (FlightSources { flight: "own".to_owned(), ..FlightSources::default() }, "no pair of channels gave one"),
         (
             FlightSources {
@@ -171,7 +171,7 @@ fn row_7_takes_a_card_alone() {
     let removed = by_default(&[weak]);
     assert_eq!((removed.row, removed.source), (7, RemovedFrom::Card));
     let words = removed.contradicted.unwrap();
-    assert!(words.contains("The card") && words.contains("770.0 ms less than it says"), "{words}");
+    assert!(words.contains("The card") && words.contains("770.0 ms less than stated"), "{words}");
 }
 
 #[test]
@@ -198,7 +198,7 @@ fn row_8_does_not_use_a_relative_figure_as_a_delay() {
         relative: relative(),
         ..untold("own", |p| (p.weak, p.lateness_s) = (true, estimate(0.13, 0.061)))
     };
-    assert!(by_default(&[weak]).contradicted.unwrap().contains("770.0 ms less than it says"));
+    assert!(by_default(&[weak]).contradicted.unwrap().contains("770.0 ms less than stated"));
 }
 
 #[test]
@@ -207,7 +207,7 @@ fn row_9_aligns_the_position_with_the_velocity_on_request() {
     let removed = last(&with(group(4), own), AskedSource::Pair);
     assert_eq!((removed.row, removed.source, removed.circular), (9, RemovedFrom::Pair, true));
     assert_eq!(removed.value_s, Some(0.147));
-    assert!(removed.words.contains("where velocity.ekf is, which is 54.9 ± 23.4 ms late"), "{}", removed.words);
+    assert!(removed.words.contains("position with velocity.ekf, which is 54.9 ± 23.4 ms late"), "{}", removed.words);
     let none = last(&[flight("own", 0.2)], AskedSource::Pair);
     assert_eq!((none.value_s, none.source, none.circular), (None, RemovedFrom::None, false));
 }
@@ -238,7 +238,7 @@ fn a_stated_number_is_removed_on_request_and_checked_against_flights() {
     assert_eq!((wrong.value_s, wrong.source, wrong.row), (Some(0.4), RemovedFrom::Stated, 0));
     let words = wrong.contradicted.unwrap();
     assert!(
-        words.contains("400.0 ms") && words.contains("203.0 ± 16.2 ms") && words.contains("197.0 ms less than it says"),
+        words.contains("400.0 ms") && words.contains("203.0 ± 16.2 ms") && words.contains("197.0 ms less than stated"),
         "{words}"
     );
     assert_eq!(last(&[own(0.203 + 3.0 * 0.0081 - 1e-6)], AskedSource::Fixed).contradicted, None);

@@ -209,7 +209,7 @@ mod tests {
         let text = "schema = 1\n[[aircraft]]\nflights = \"a/*\"\n[[aircraft]]\nflights = \"b/*\"\nairfarme = \"N2\"\n\
                     [[aircraft]]\nflights = \"c/*\"\nrate_hz = -5.0\n";
         let error = Fleet::parse(text, Path::new("fleet.toml")).unwrap_err().to_string();
-        assert!(error.contains("fleet.toml:2: [[aircraft]] says nothing"), "{error}");
+        assert!(error.contains("fleet.toml:2: [[aircraft]] is empty"), "{error}");
         assert!(error.contains("fleet.toml:6: unknown key `airfarme`: did you mean `airframe`?"), "{error}");
         assert!(error.contains("fleet.toml:9: rate_hz must be more than 0 Hz"), "{error}");
     }

@@ -168,7 +168,7 @@ mod tests {
         let newer = current(table("4", sheet_of(&[row()]))).unwrap_err();
         assert!(newer.contains("layout 4") && newer.contains("up to layout 3"), "{newer}");
         let other = current(ReadTable { sheet: sheet_of(&[row()]), ..ReadTable::default() }).unwrap_err();
-        assert!(other.contains("not a file of a history"), "{other}");
+        assert!(other.contains("not a history file"), "{other}");
         let mut short = sheet_of(&[row()]);
         short.columns.retain(|column| column.name != "flight");
         assert_eq!(rows_of(current(table("3", short)).unwrap()).unwrap_err(), "column flight is missing");

@@ -216,6 +216,6 @@ mod tests {
         assert_eq!((named(&advice, "EKF2_GPS_DELAY").value_ms, advice.delay.millis().round()), (150, 150.0));
         assert_eq!(advice.parameters[0].interval_ms, None);
         let unknown = autopilot_advice(delay, None, MeasuredAgainst::UnknownVelocity);
-        assert!(unknown.text().contains("behind its velocity"));
+        assert!(unknown.text().contains("relative to its velocity"));
     }
 }

@@ -210,7 +210,7 @@ fn an_uncertain_delay_is_rejected_with_its_uncertainty_and_advice() {
     settings.position.white_std = 20.0;
     let (pair, _) = only(&flown(&settings), &quick());
     let why = reason(&pair);
-    assert!(why.contains("known to ±") && why.contains("min of circles") && why.contains("m/s would give"), "{why}");
+    assert!(why.contains("known only to ±") && why.contains("min of circles") && why.contains("m/s would give"), "{why}");
 }
 
 #[test]
@@ -237,7 +237,7 @@ fn a_velocity_with_swapped_axes_is_rejected_even_in_a_short_flight() {
         flight.channels.insert("velocity.gps".into(), swapped);
         let (pair, _) = only(&flight, &quick());
         let (why, words) = (reason(&pair), "if north and east of velocity.gps were exchanged:");
-        assert!(why.starts_with("position.gps does not move as velocity.gps says: ") && why.contains(words), "{why}");
+        assert!(why.starts_with("position.gps does not move as velocity.gps predicts: ") && why.contains(words), "{why}");
     }
 }
 
@@ -277,7 +277,7 @@ fn shared_timestamps_widen_the_interval_or_prevent_a_measurement() {
     // The error is common to the whole flight, so comparisons of its parts are unchanged.
     let (own, with) = (only(&flight, &quick()).0, shared(0.03));
     assert_eq!((&found(&own).over_time, &found(&own).splits), (&found(&with).over_time, &found(&with).splits));
-    assert!(reason(&shared(0.1)).contains("share one stamp") && reason(&shared(0.1)).contains("±58 ms"));
+    assert!(reason(&shared(0.1)).contains("share one timestamp") && reason(&shared(0.1)).contains("±58 ms"));
 }
 
 /// Against the truth both are absolute: 0.4 s for the position, 0.15 s for the velocity, and their difference.

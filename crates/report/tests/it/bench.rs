@@ -302,7 +302,7 @@ fn the_method_text_reflects_the_options_used() {
     for text in [
         "Ornstein–Uhlenbeck process and white noise together",
         "Huber weights",
-        "is taken as on time",
+        "is assumed to be on time",
         "lower convex hull",
         "windows of <data value=\"15\">15</data> s",
     ] {
