@@ -251,7 +251,7 @@ pub(crate) struct CampaignArguments {
     #[command(flatten)]
     pub(crate) aircraft: AircraftArguments,
     #[command(flatten)]
-    pub(crate) run: RunArguments,
+    pub(crate) common: RunArguments,
 }
 
 #[derive(Debug, Args)]
@@ -441,7 +441,7 @@ pub(crate) enum Step {
         #[arg(long, value_name = "N", default_value_t = 1000, allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..))]
         max_shards: u32,
         #[command(flatten)]
-        run: RunArguments,
+        common: RunArguments,
     },
     /// Make the results of one shard. Exit 0: every flight in it has a result. 75: temporary failure, run again. 3: permanent
     /// failure.
@@ -453,7 +453,7 @@ pub(crate) enum Step {
         #[arg(long, value_name = "I", allow_negative_numbers = true)]
         shard: u32,
         #[command(flatten)]
-        run: RunArguments,
+        common: RunArguments,
     },
     /// Make tables and pages from the available results. Can be run at any time.
     Reduce {
@@ -463,7 +463,7 @@ pub(crate) enum Step {
         #[command(flatten)]
         aircraft: AircraftArguments,
         #[command(flatten)]
-        run: RunArguments,
+        common: RunArguments,
     },
     /// Count the flights that have a result. Exit 3 if results are missing.
     Status {
@@ -482,7 +482,7 @@ pub(crate) struct NightlyArguments {
     #[arg(value_name = "CONFIG")]
     pub(crate) config: PathBuf,
     #[command(flatten)]
-    pub(crate) run: RunArguments,
+    pub(crate) common: RunArguments,
 }
 
 #[derive(Debug, Args)]
@@ -582,7 +582,7 @@ pub(crate) struct DiffArguments {
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
     #[command(flatten)]
-    pub(crate) run: RunArguments,
+    pub(crate) common: RunArguments,
 }
 
 #[derive(Debug, Args)]
@@ -613,7 +613,7 @@ pub(crate) struct BenchArguments {
     #[arg(long, value_name = "FILE")]
     pub(crate) card: Option<PathBuf>,
     #[command(flatten)]
-    pub(crate) run: RunArguments,
+    pub(crate) common: RunArguments,
 }
 
 #[derive(Debug, Args)]
@@ -713,7 +713,7 @@ pub(crate) struct DemoArguments {
     #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true)]
     pub(crate) seed: u64,
     #[command(flatten)]
-    pub(crate) run: RunArguments,
+    pub(crate) common: RunArguments,
 }
 
 #[derive(Debug, Args)]

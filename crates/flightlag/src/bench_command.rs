@@ -27,7 +27,7 @@ pub(crate) fn run(arguments: &BenchArguments, stop: &Stop) -> Result<End, Failur
         card: arguments.card.clone(),
         command: command_of(arguments),
     };
-    let verdict = run_order(&order, &arguments.run, stop)?;
+    let verdict = run_order(&order, &arguments.common, stop)?;
     Ok(verdict.exit().into())
 }
 

@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 pub(crate) fn run(arguments: CampaignArguments, stop: &Stop) -> Result<End, Failure> {
     match (arguments.step, arguments.order) {
         (Some(step), _) => take(step, stop),
-        (None, Some(order)) => whole(&order, &arguments.aircraft, &arguments.run, stop),
+        (None, Some(order)) => whole(&order, &arguments.aircraft, &arguments.common, stop),
         (None, None) => {
             let usage = "the folder of flights is missing: flightlag campaign FLIGHTS [--out DIR] (more: flightlag \
                 campaign --help)";
@@ -48,9 +48,11 @@ pub(crate) fn run_order(order: &Order, arguments: &RunArguments, stop: &Stop) ->
 
 fn take(step: Step, stop: &Stop) -> Result<End, Failure> {
     match step {
-        Step::Plan { order, manifest, max_shards, run } => plan(&order, manifest.as_deref(), max_shards, &run, stop),
-        Step::Task { manifest, shard, run } => task(&manifest, shard, &run, stop),
-        Step::Reduce { manifest, aircraft, run } => reduce(&manifest, &aircraft, &run, stop),
+        Step::Plan { order, manifest, max_shards, common } => {
+            plan(&order, manifest.as_deref(), max_shards, &common, stop)
+        }
+        Step::Task { manifest, shard, common } => task(&manifest, shard, &common, stop),
+        Step::Reduce { manifest, aircraft, common } => reduce(&manifest, &aircraft, &common, stop),
         Step::Status { manifest, json } => status(&manifest, json),
     }
 }

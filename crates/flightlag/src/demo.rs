@@ -19,8 +19,8 @@ pub(crate) fn run(arguments: &DemoArguments, stop: &Stop) -> Result<End, Failure
     let truth = |what: &str, n: usize, folder: &Path| {
         format!("{} in {}, the truth in {}", count(n as u64, what), folder.display(), simulate::TRUTH_FILE)
     };
-    say(&arguments.run, &truth("simulated flight", written.flights.len(), &flights))?;
-    say(&arguments.run, &truth("simulated bench record", swings.records.len(), &bench))?;
+    say(&arguments.common, &truth("simulated flight", written.flights.len(), &flights))?;
+    say(&arguments.common, &truth("simulated bench record", swings.records.len(), &bench))?;
     let benches = benches(arguments, &bench, &swings);
     if !arguments.run {
         return next(arguments, &flights, &benches);
@@ -28,7 +28,7 @@ pub(crate) fn run(arguments: &DemoArguments, stop: &Stop) -> Result<End, Failure
     let mut exit = Exit::Well;
     let mut measured = vec![];
     for order in &benches {
-        let verdict = bench_command::run_order(order, &arguments.run, stop)?;
+        let verdict = bench_command::run_order(order, &arguments.common, stop)?;
         exit = worse(exit, verdict.exit());
         measured.push(verdict);
     }
@@ -41,10 +41,10 @@ pub(crate) fn run(arguments: &DemoArguments, stop: &Stop) -> Result<End, Failure
 fn next(arguments: &DemoArguments, flights: &Path, benches: &[BenchOrder]) -> Result<End, Failure> {
     for BenchOrder { records, out, .. } in benches {
         let records: Vec<String> = records.iter().map(|p| p.display().to_string()).collect();
-        say(&arguments.run, &format!("next: flightlag bench {} --out {}", records.join(" "), out.display()))?;
+        say(&arguments.common, &format!("next: flightlag bench {} --out {}", records.join(" "), out.display()))?;
     }
     let report = report(arguments);
-    say(&arguments.run, &format!("next: flightlag campaign {} --out {}", flights.display(), report.display()))?;
+    say(&arguments.common, &format!("next: flightlag campaign {} --out {}", flights.display(), report.display()))?;
     Ok(Exit::Well.into())
 }
 
@@ -89,7 +89,7 @@ fn run_flights(arguments: &DemoArguments, flights: PathBuf, stop: &Stop) -> Resu
     let command = format!("flightlag demo DIR --run --seed {}", arguments.seed);
     let order =
         Order { flights, out: report(arguments), pipeline, verify: false, replace: false, command, settle: None };
-    run_order(&order, &arguments.run, stop)
+    run_order(&order, &arguments.common, stop)
 }
 
 /// The demo contains a truncated flight and failed criteria on purpose: finding them is not a fault of the demo.

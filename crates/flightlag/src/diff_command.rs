@@ -26,9 +26,9 @@ pub(crate) fn run(arguments: &DiffArguments, stop: &Stop) -> Result<End, Failure
         write_site(out, &report::diff_site(&found), &[("diff.json", &json)])?;
     }
     let mut stdout = std::io::stdout().lock();
-    match arguments.run.json {
+    match arguments.common.json {
         true => writeln!(stdout, "{}", serde_json::to_string(&found).unwrap_or_default())?,
-        false if arguments.run.quiet => {}
+        false if arguments.common.quiet => {}
         false => {
             write!(stdout, "{}", text(&found))?;
             if let Some(out) = &arguments.out {
@@ -49,9 +49,9 @@ fn both_pipelines(arguments: &DiffArguments, flights: &Path, stop: &Stop) -> Res
     };
     // Standard output is reserved for the comparison.
     let quiet = crate::arguments::RunArguments {
-        quiet: arguments.run.quiet || arguments.run.json,
+        quiet: arguments.common.quiet || arguments.common.json,
         json: false,
-        ..arguments.run.clone()
+        ..arguments.common.clone()
     };
     let events = listener(&quiet);
     let (mut reports, mut exit) = (vec![], Exit::Well);

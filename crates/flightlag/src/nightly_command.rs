@@ -9,14 +9,14 @@ use history::{NightlyConfig, nightly};
 
 pub(crate) fn run(arguments: &NightlyArguments, stop: &Stop) -> Result<End, Failure> {
     let config = NightlyConfig::read(&arguments.config)?;
-    let events = listener(&arguments.run);
-    let night = nightly(&config, &run_context(&arguments.run, stop, events.as_ref()))?;
+    let events = listener(&arguments.common);
+    let night = nightly(&config, &run_context(&arguments.common, stop, events.as_ref()))?;
     for line in &night.record.summary {
-        say(&arguments.run, line)?;
+        say(&arguments.common, line)?;
     }
     for error in night.errors() {
-        say(&arguments.run, &error)?;
+        say(&arguments.common, &error)?;
     }
-    say(&arguments.run, &format!("open {}", night.page.display()))?;
+    say(&arguments.common, &format!("open {}", night.page.display()))?;
     Ok(night.exit.into())
 }
