@@ -109,7 +109,7 @@ fn is_reference(alarm: &LineAlarm) -> bool {
 fn data(word: &str) -> String {
     match word {
         "whole" => String::new(),
-        "minor-loss" => "minor loss: less than 0.1 % of the log is damaged; `flightlag inspect` says where".to_owned(),
+        "minor-loss" => "minor loss: less than 0.1 % of the log is damaged; `flightlag inspect` shows where".to_owned(),
         _ => word.replace('-', " "),
     }
 }

@@ -301,7 +301,7 @@ impl Search<'_> {
                 tables.push(table_file(path, id, flysight2, named));
             }
             Content::Table { .. } => {
-                self.ignore(id, "a table of numbers without a header, under a name that no map knows")
+                self.ignore(id, "a table of numbers without a header, and no channel map has its name")
             }
         }
     }

@@ -355,7 +355,7 @@ fn assumptions(plan: &Plan<'_>, columns: &[Option<&Found<'_>>], notices: &mut No
         say(substitute, &text);
     }
     if columns.iter().flatten().any(|found| found.above == Some(HeightAbove::MeanSeaLevel)) {
-        say(substitute, "the height above mean sea level is taken as the height above the ellipsoid");
+        say(substitute, "the height above mean sea level is used as the height above the ellipsoid");
     }
     if plan.rule.combine == Combine::MagneticPolar {
         say(substitute, "the track is magnetic; true track = track + variation");

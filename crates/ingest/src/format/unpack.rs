@@ -402,7 +402,7 @@ impl<'c> Unpacking<'c> {
             self.copy(&Piece { path, size, packing, at: &at, place }, &target, decoder)?;
         }
         if self.files.is_empty() {
-            return Err(unusable("the ZIP archive holds no log of its kind".to_owned()));
+            return Err(unusable("the ZIP archive has no log of this kind".to_owned()));
         }
         Ok(())
     }

@@ -98,9 +98,9 @@ fn body_names(bodies: &[Found<'_, Body>]) -> Vec<String> {
     names
 }
 
-const HEAD: &str = "# Columns bound by guess: by their names, their units, and by what position, velocity,
-# attitude, rates and forces say of each other.
-# Check every line and give the map a name of your own. `--maps DIR` takes all maps of a folder.
+const HEAD: &str = "# Columns bound by guess: by names, by units, and by the agreement of position, velocity,
+# attitude, rates and forces.
+# Check every line and rename the map. `--maps DIR` uses all maps in a folder.
 schema = 1
 name = \"guess\"
 title = \"Columns bound by guess\"

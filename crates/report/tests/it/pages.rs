@@ -292,7 +292,7 @@ fn vehicle_data_from_the_log_is_shown_only_if_present() {
     let delay = flight::ConfiguredDelay {
         parameter: "EKF2_GPS_DELAY".to_owned(),
         value_s: 0.11,
-        meaning: "GPS behind the IMU".to_owned(),
+        meaning: "delay of GPS against the IMU".to_owned(),
     };
     let mode = |at_ns, mode: &str| flight::ModeStart { at_ns, clock: flight::Clock::Boot, mode: mode.to_owned() };
     record.log.as_mut().unwrap().about = flight::About {
