@@ -27,7 +27,7 @@ pub(crate) struct MapFile {
     /// It binds any log that has some types, and is no match for a map that is made for a device.
     #[serde(default)]
     pub(crate) generic: bool,
-    /// Where stamps are found, for all channels that do not say otherwise.
+    /// Sources of timestamps, for all channels without their own sources.
     #[serde(default)]
     pub(crate) time: TimeTable,
     /// What ties the clock since boot to UTC. Of several the first that the log holds is taken.
@@ -44,7 +44,7 @@ pub(crate) struct MapFile {
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct TimeTable {
-    /// When the device says that the value was true.
+    /// The time at which the value was true, as the device states it.
     pub(crate) measured: Vec<TimeEntry>,
     /// When the driver sent the message.
     pub(crate) published: Vec<TimeEntry>,
@@ -52,8 +52,8 @@ pub(crate) struct TimeTable {
     pub(crate) logged: Vec<TimeEntry>,
 }
 
-/// A topic whose messages say both the time since boot and UTC, as those of a receiver do. It dates the flight; the
-/// samples keep their stamps.
+/// A topic with messages that state both the time since boot and UTC, as those of a receiver do. It dates the flight; the
+/// samples keep their timestamps.
 #[derive(Debug, Clone, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
@@ -107,14 +107,14 @@ pub(crate) struct TimeEntry {
     pub(crate) time: Option<String>,
     /// Column of the offset from UTC, `+hh:mm`.
     pub(crate) offset: Option<String>,
-    /// The offset from UTC of all rows, `+hh:mm`, for dates that do not say it themselves. Without it they are UTC. It is one
-    /// offset and no zone whose offset changes in spring and autumn.
+    /// The offset from UTC of all rows, `+hh:mm`, for dates without an offset. Default: UTC. It is a fixed offset, without
+    /// daylight saving time.
     pub(crate) zone: Option<String>,
     /// The year in which the log begins, for days of the year without one.
     pub(crate) year: Option<i16>,
-    /// The bits of a counter that begins anew at zero, if they are not 32.
+    /// The bits of a counter that wraps around to zero. Default: 32.
     pub(crate) bits: Option<u32>,
-    /// The clock that is counted; `unix` where text says the instant.
+    /// The clock that is counted; `unix` where text gives the instant.
     pub(crate) clock: Option<ClockName>,
 }
 
@@ -134,12 +134,12 @@ pub(crate) struct CounterEntry {
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum ContainerStamp {
-    /// When the container says that it wrote the message.
+    /// The time at which the container wrote the message.
     Logged,
-    /// When the container says that the message was published.
+    /// The time at which the message was published, as the container states it.
     Published,
-    /// When the container says that it wrote the message, on the clock since boot: for messages that state no time, placed
-    /// between those that `[[utc]]` names with `utc = { container = "logged" }`.
+    /// The time at which the container wrote the message, on the clock since boot. For messages that state no time: they are
+    /// placed between those that `[[utc]]` names with `utc = { container = "logged" }`.
     LoggedOnBoot,
 }
 
@@ -233,7 +233,7 @@ pub(crate) enum ClockName {
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum KindName {
-    /// When the device says that the value was true.
+    /// The time at which the value was true, as the device states it.
     Measured,
     /// When the driver sent the message.
     Published,
@@ -316,8 +316,8 @@ pub(crate) struct ChannelEntry {
     pub(crate) name: String,
     /// What it holds.
     pub(crate) quantity: QuantityName,
-    /// Topic names, the best first. A name of several words also fits below a namespace, and a file whose
-    /// name ends in it, with `/` written as `-` or `_` and an instance as `_0` behind.
+    /// Topic names, the best first. A name of several words also fits below a namespace. It also fits a file with a name
+    /// that ends in it, with `/` written as `-` or `_`, and with an instance appended as `_0`.
     #[serde(default)]
     pub(crate) topic: Vec<String>,
     /// Message types, as `sensor_msgs/NavSatFix`. Without a topic any topic of the type is meant;
@@ -343,7 +343,7 @@ pub(crate) struct ChannelEntry {
     /// flightlag.
     #[serde(default)]
     pub(crate) optional: bool,
-    /// What a remark of the log says of it. Channels of one name that go by one remark exclude one another.
+    /// The remark of the log on which the channel depends. Channels of one name with the same remark exclude one another.
     pub(crate) when: Option<WhenEntry>,
 }
 
@@ -352,9 +352,9 @@ pub(crate) struct ChannelEntry {
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct WhenEntry {
-    /// What stands before the colon.
+    /// The text before the colon.
     pub(crate) remark: String,
-    /// What stands behind it; without it the channel is that of logs that have no such remark.
+    /// The text after the colon. Without it the channel is for logs that have no such remark.
     pub(crate) says: Option<String>,
 }
 
@@ -371,8 +371,8 @@ impl WhenEntry {
     }
 }
 
-/// The fields of a channel. Each is one field with its unit, or several of which the first that exists is read; a height that
-/// is zero in every row stands back behind another that is not.
+/// The fields of a channel. Each is one field with its unit, or a list: the first field of the list that exists is read.
+/// A height that is zero in every row ranks after one that is not.
 #[derive(Debug, Default, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields, default)]
@@ -504,7 +504,7 @@ pub(crate) struct FieldEntry {
     #[serde(deserialize_with = "unit")]
     #[cfg_attr(feature = "schema", schemars(with = "String"))]
     pub(crate) unit: Unit,
-    /// Of a height: what it is above, if that is not what the channel says.
+    /// The reference of a height, if it differs from that of the channel.
     pub(crate) above: Option<HeightAbove>,
 }
 
