@@ -27,13 +27,7 @@ pub(crate) struct MapFile {
     /// Whether the map binds any log with certain types. A map made for a specific device takes precedence.
     #[serde(default)]
     pub(crate) generic: bool,
-<<<<<<< ours
     /// Sources of timestamps for all channels without their own.
-||||||| base
-    /// Where stamps are found, for all channels that do not say otherwise.
-=======
-    /// Sources of timestamps, for all channels without their own sources.
->>>>>>> theirs
     #[serde(default)]
     pub(crate) time: TimeTable,
     /// Ties of the clock since boot to UTC. The first one that the log has is used.
@@ -50,13 +44,7 @@ pub(crate) struct MapFile {
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct TimeTable {
-<<<<<<< ours
     /// Time at which the value was true, according to the device.
-||||||| base
-    /// When the device says that the value was true.
-=======
-    /// The time at which the value was true, as the device states it.
->>>>>>> theirs
     pub(crate) measured: Vec<TimeEntry>,
     /// Time at which the driver sent the message.
     pub(crate) published: Vec<TimeEntry>,
@@ -64,16 +52,8 @@ pub(crate) struct TimeTable {
     pub(crate) logged: Vec<TimeEntry>,
 }
 
-<<<<<<< ours
 /// A topic with both the time since boot and UTC in each message, such as that of a receiver. It dates the flight; the
 /// timestamps of samples are unchanged.
-||||||| base
-/// A topic whose messages say both the time since boot and UTC, as those of a receiver do. It dates the flight; the
-/// samples keep their stamps.
-=======
-/// A topic with messages that state both the time since boot and UTC, as those of a receiver do. It dates the flight; the
-/// samples keep their timestamps.
->>>>>>> theirs
 #[derive(Debug, Clone, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
@@ -128,34 +108,14 @@ pub(crate) struct TimeEntry {
     pub(crate) time: Option<String>,
     /// Column of the offset from UTC, `+hh:mm`.
     pub(crate) offset: Option<String>,
-<<<<<<< ours
     /// Offset from UTC of all rows, `+hh:mm`, for dates that do not state their own. Default: UTC. It is a fixed
     /// offset, not a zone with daylight saving time.
-||||||| base
-    /// The offset from UTC of all rows, `+hh:mm`, for dates that do not say it themselves. Without it they are UTC. It is one
-    /// offset and no zone whose offset changes in spring and autumn.
-=======
-    /// The offset from UTC of all rows, `+hh:mm`, for dates without an offset. Default: UTC. It is a fixed offset, without
-    /// daylight saving time.
->>>>>>> theirs
     pub(crate) zone: Option<String>,
     /// Year in which the log begins, for days of the year without a year.
     pub(crate) year: Option<i16>,
-<<<<<<< ours
     /// Width of a counter that wraps around to zero, bits. Default: 32.
-||||||| base
-    /// The bits of a counter that begins anew at zero, if they are not 32.
-=======
-    /// The bits of a counter that wraps around to zero. Default: 32.
->>>>>>> theirs
     pub(crate) bits: Option<u32>,
-<<<<<<< ours
     /// The clock; `unix` where text states the instant.
-||||||| base
-    /// The clock that is counted; `unix` where text says the instant.
-=======
-    /// The clock that is counted; `unix` where text gives the instant.
->>>>>>> theirs
     pub(crate) clock: Option<ClockName>,
 }
 
@@ -175,32 +135,12 @@ pub(crate) struct CounterEntry {
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum ContainerStamp {
-<<<<<<< ours
     /// Time at which the message was written, according to the container.
-||||||| base
-    /// When the container says that it wrote the message.
-=======
-    /// The time at which the container wrote the message.
->>>>>>> theirs
     Logged,
-<<<<<<< ours
     /// Time at which the message was published, according to the container.
-||||||| base
-    /// When the container says that the message was published.
-=======
-    /// The time at which the message was published, as the container states it.
->>>>>>> theirs
     Published,
-<<<<<<< ours
     /// Time at which the message was written, on the clock since boot. It is for messages without their own timestamp:
     /// they are placed between the messages that `[[utc]]` names with `utc = { container = "logged" }`.
-||||||| base
-    /// When the container says that it wrote the message, on the clock since boot: for messages that state no time, placed
-    /// between those that `[[utc]]` names with `utc = { container = "logged" }`.
-=======
-    /// The time at which the container wrote the message, on the clock since boot. For messages that state no time: they are
-    /// placed between those that `[[utc]]` names with `utc = { container = "logged" }`.
->>>>>>> theirs
     LoggedOnBoot,
 }
 
@@ -294,13 +234,7 @@ pub(crate) enum ClockName {
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum KindName {
-<<<<<<< ours
     /// Time at which the value was true, according to the device.
-||||||| base
-    /// When the device says that the value was true.
-=======
-    /// The time at which the value was true, as the device states it.
->>>>>>> theirs
     Measured,
     /// Time at which the driver sent the message.
     Published,
@@ -384,16 +318,8 @@ pub(crate) struct ChannelEntry {
     pub(crate) name: String,
     /// Its quantity.
     pub(crate) quantity: QuantityName,
-<<<<<<< ours
     /// Topic names, the best first. A name of several words also matches below a namespace. It also matches a file name
     /// that ends in it, with `/` written as `-` or `_`, and with an instance such as `_0` after it.
-||||||| base
-    /// Topic names, the best first. A name of several words also fits below a namespace, and a file whose
-    /// name ends in it, with `/` written as `-` or `_` and an instance as `_0` behind.
-=======
-    /// Topic names, the best first. A name of several words also fits below a namespace. It also fits a file with a name
-    /// that ends in it, with `/` written as `-` or `_`, and with an instance appended as `_0`.
->>>>>>> theirs
     #[serde(default)]
     pub(crate) topic: Vec<String>,
     /// Message types, such as `sensor_msgs/NavSatFix`. Without a topic, any topic of the type matches; without either,
@@ -418,14 +344,8 @@ pub(crate) struct ChannelEntry {
     /// Whether logs of this kind may lack the channel. If false, a missing field is an error, except in built-in maps.
     #[serde(default)]
     pub(crate) optional: bool,
-<<<<<<< ours
     /// A remark of the log that selects the channel. Of channels with the same name and the same remark, at most one is
     /// used.
-||||||| base
-    /// What a remark of the log says of it. Channels of one name that go by one remark exclude one another.
-=======
-    /// The remark of the log on which the channel depends. Channels of one name with the same remark exclude one another.
->>>>>>> theirs
     pub(crate) when: Option<WhenEntry>,
 }
 
@@ -434,21 +354,9 @@ pub(crate) struct ChannelEntry {
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct WhenEntry {
-<<<<<<< ours
     /// Text before the colon.
-||||||| base
-    /// What stands before the colon.
-=======
-    /// The text before the colon.
->>>>>>> theirs
     pub(crate) remark: String,
-<<<<<<< ours
     /// Text after the colon. Without it, the channel is for logs without this remark.
-||||||| base
-    /// What stands behind it; without it the channel is that of logs that have no such remark.
-=======
-    /// The text after the colon. Without it the channel is for logs that have no such remark.
->>>>>>> theirs
     pub(crate) says: Option<String>,
 }
 
@@ -465,16 +373,8 @@ impl WhenEntry {
     }
 }
 
-<<<<<<< ours
 /// The fields of a channel. Each is one field with its unit, or a list of them. The first one that exists is read. A
 /// height that is zero in every row is used only if all other heights are zero or missing.
-||||||| base
-/// The fields of a channel. Each is one field with its unit, or several of which the first that exists is read; a height that
-/// is zero in every row stands back behind another that is not.
-=======
-/// The fields of a channel. Each is one field with its unit, or a list: the first field of the list that exists is read.
-/// A height that is zero in every row ranks after one that is not.
->>>>>>> theirs
 #[derive(Debug, Default, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields, default)]
@@ -606,13 +506,7 @@ pub(crate) struct FieldEntry {
     #[serde(deserialize_with = "unit")]
     #[cfg_attr(feature = "schema", schemars(with = "String"))]
     pub(crate) unit: Unit,
-<<<<<<< ours
     /// For a height: its reference, if it differs from that of the channel.
-||||||| base
-    /// Of a height: what it is above, if that is not what the channel says.
-=======
-    /// The reference of a height, if it differs from that of the channel.
->>>>>>> theirs
     pub(crate) above: Option<HeightAbove>,
 }
 
