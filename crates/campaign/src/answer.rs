@@ -3,7 +3,7 @@
 mod alarms;
 
 use crate::config::Pipeline;
-use crate::decide::in_ms;
+use crate::delay::in_ms;
 use crate::group::{content_of, group_of};
 use crate::lever;
 use crate::no_position::no_position;
@@ -464,32 +464,6 @@ fn speed_rms(velocity: Option<&flight::Channel>) -> Option<f64> {
     let square = |row: &usize| channel.series.component(0)[*row].powi(2) + channel.series.component(1)[*row].powi(2);
     let sum: f64 = rows.iter().map(square).sum();
     (!rows.is_empty()).then(|| (sum / rows.len() as f64).sqrt()).filter(|v| v.is_finite())
-}
-
-/// What an effect is judged by: the flight's own lateness, else that of its group, else the velocity alone.
-pub(crate) fn known(lateness: &FlightLateness, decision: &Decision) -> Option<KnownLateness> {
-    let channel = lateness.lateness.as_ref();
-    let undecided = lateness.verdict == Some(NetworkVerdict::Undecided);
-    let jitter_s = lateness.jitter_s.unwrap_or(0.0);
-    if let Some(own) = channel.filter(|c| c.relative_to.is_none() && !c.weak && !undecided) {
-        return Some(KnownLateness { lateness_s: own.lateness_s, judged_by: JudgedBy::Lateness, jitter_s });
-    }
-    if let (Some(DelaySource::OthersFlights), Some(value)) = (decision.used, decision.delay_s) {
-        let lateness_s = Estimate { value, standard_uncertainty: decision.standard_uncertainty_s };
-        return Some(KnownLateness { lateness_s, judged_by: JudgedBy::Lateness, jitter_s });
-    }
-    let velocity = lateness.velocity.clone()?;
-    let lateness_s = lateness.position_minus_velocity_s?;
-    Some(KnownLateness { lateness_s, judged_by: JudgedBy::Velocity(velocity), jitter_s })
-}
-
-/// Lateness of the velocity, s: [`known`] minus the difference between position and velocity. `None` if the lateness is
-/// only known against that velocity.
-pub(crate) fn velocity_lateness_s(lateness: &FlightLateness, decision: &Decision) -> Option<Estimate> {
-    let position = known(lateness, decision).filter(|known| known.judged_by == JudgedBy::Lateness)?.lateness_s;
-    let apart = lateness.position_minus_velocity_s?;
-    let standard_uncertainty = position.standard_uncertainty.zip(apart.standard_uncertainty).map(|(p, a)| p.hypot(a));
-    Some(Estimate { value: position.value - apart.value, standard_uncertainty })
 }
 
 /// `1 flight`, `2 flights`, `3 fixes`.

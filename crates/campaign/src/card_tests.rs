@@ -3,8 +3,9 @@
 use crate::config::Pipeline;
 use crate::event::Event;
 use crate::manifest::Why;
-use crate::plan::{Order, RunContext};
+use crate::plan::Order;
 use crate::run::run;
+use crate::run_context::RunContext;
 use bench_analysis::{card_text, parse_card};
 use record::{CampaignRecord, FlightRecord, Outcome, SensorCard, Verdict};
 use simulate::{Container, FlightSettings, McapSettings};

@@ -4,13 +4,13 @@
 //! The resolved settings, not the text, name the results: a comment or a default spelled out
 //! changes nothing.
 
-use crate::answer;
+use crate::error::PipelineError;
 use crate::cards::{CardFile, Pin, Shelf, UsedCard, chosen};
 use crate::criteria::Criteria;
 use crate::delay::{Case, Decided, DelayRule, FixedDelay, Known, measured_pair};
 use crate::error::CampaignError;
 use crate::lever::Antenna;
-use crate::reference::ReferenceRule;
+use crate::reference_rule::ReferenceRule;
 use compensation_replay::{
     ClockRule, CompensatorKind, FlightDelaySettings, REFERENCE_POSITION, REFERENCE_VELOCITY, Settings, Sweeper,
     pick_pair,
@@ -47,18 +47,6 @@ const PROVISIONAL_S: f64 = 0.4;
 
 /// Source of a number for which the pipeline states none.
 const NO_SOURCE: &str = "set in the pipeline, which states no source";
-
-/// An error in a pipeline file, with its place.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{}{}: {what}", file.display(), line.map(|l| format!(":{l}")).unwrap_or_default())]
-pub struct PipelineError {
-    /// The file.
-    pub file: PathBuf,
-    /// Line, from 1, if known.
-    pub line: Option<usize>,
-    /// What is wrong, and what would be right.
-    pub what: String,
-}
 
 /// A pipeline as the user wrote it.
 #[derive(Debug, Clone, Deserialize)]
@@ -672,8 +660,9 @@ impl Pipeline {
             delay_source: decided.found.source.clone(),
             card: decided.found.card.clone(),
             position_minus_velocity_s: case.lateness.position_minus_velocity_s,
-            position_lateness_s: answer::known(case.lateness, case.decision).map(|known| known.lateness_s),
-            velocity_lateness_s: answer::velocity_lateness_s(case.lateness, case.decision),
+            position_lateness_s: crate::known_lateness::known(case.lateness, case.decision)
+                .map(|known| known.lateness_s),
+            velocity_lateness_s: crate::known_lateness::velocity_lateness_s(case.lateness, case.decision),
             ..self.settings(decided.found.delay)
         };
         // Motion sufficient to measure a delay is sufficient to remove one.

@@ -3,6 +3,7 @@
 //! The decision table is that of the delay network ([`delay_network::decide`]). Values in the key of a result are
 //! rounded, and independent of the number of flights: one more flight must not redo ten thousand.
 
+use crate::delay::in_ms;
 use crate::config::Pipeline;
 use crate::manifest::Planned;
 use delay_network::{AskedSource, FlightSources, NetworkSettings, PositionLateness, RelativeLateness};
@@ -353,14 +354,6 @@ fn difference(flight: &str, lateness: &FlightLateness) -> Option<delay_network::
         standard_uncertainty_s: apart.standard_uncertainty.filter(|u| *u > 0.0)?,
         model_uncertainty_s: 0.0,
     })
-}
-
-/// `203.4 ± 16.2`: expanded uncertainty with k = 2.
-pub(crate) fn in_ms(e: &Estimate) -> String {
-    match e.standard_uncertainty {
-        Some(u) => crate::delay::milliseconds(e.value, u),
-        None => format!("{:.1}", 1e3 * e.value),
-    }
 }
 
 /// Groups and duplicates of the flights of a table.

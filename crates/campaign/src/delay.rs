@@ -296,3 +296,11 @@ pub(crate) fn milliseconds(seconds: f64, standard_uncertainty_s: f64) -> String 
 
 #[cfg(test)]
 pub(crate) mod tests;
+
+/// `203.4 ± 16.2`: expanded uncertainty with k = 2.
+pub(crate) fn in_ms(e: &Estimate) -> String {
+    match e.standard_uncertainty {
+        Some(u) => milliseconds(e.value, u),
+        None => format!("{:.1}", 1e3 * e.value),
+    }
+}

@@ -10,8 +10,9 @@ use crate::filter_values;
 use crate::line::{DelayLine, LineParts, LineSetting};
 use crate::logs::Library;
 use crate::losses;
-use crate::plan::{RunContext, why_no_logs};
+use crate::plan::why_no_logs;
 use crate::reference::{FlightFiles, ReferenceLog, settle, with_references};
+use crate::run_context::RunContext;
 use crate::slug::slugs;
 use crate::task::caught;
 use crate::work::Workers;
@@ -385,7 +386,7 @@ impl Reader<'_> {
         let settings = self.order.pipeline.provisional();
         let truth = |flight| TruthEffect::of(flight, &settings, decision.delay_s.unwrap_or(0.0)).ok().flatten();
         let truth = flight.and_then(|flight| caught(|| truth(flight)).ok().flatten());
-        let known = answer::known(&measured.lateness, decision);
+        let known = crate::known_lateness::known(&measured.lateness, decision);
         let removed_s = decision.delay_s.filter(|_| measured.may_be_replayed(decision));
         Some(effect(truth.as_ref(), known.as_ref(), measured.lateness.speed_rms_mps, removed_s))
     }

@@ -4,12 +4,39 @@ use crate::s3::is_in_bucket;
 use std::io::ErrorKind;
 use std::path::PathBuf;
 
+/// Start of the reason for skipping a log that is still being written.
+pub const STILL_WRITTEN: &str = "still being written; skipped until the next run";
+
+/// An output could not be written, read or removed.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: cannot {doing}: {source}", path.display())]
+pub struct StoreError {
+    /// The file or folder.
+    pub path: PathBuf,
+    /// The attempted operation.
+    pub doing: &'static str,
+    /// Error of the operating system.
+    pub source: io::Error,
+}
+
+/// An error in a pipeline file, with its place.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{}{}: {what}", file.display(), line.map(|l| format!(":{l}")).unwrap_or_default())]
+pub struct PipelineError {
+    /// The file.
+    pub file: PathBuf,
+    /// Line, from 1, if known.
+    pub line: Option<usize>,
+    /// What is wrong, and what would be right.
+    pub what: String,
+}
+
 /// Why a campaign did not finish.
 #[derive(Debug, thiserror::Error)]
 pub enum CampaignError {
     /// The pipeline file is wrong.
     #[error(transparent)]
-    Pipeline(#[from] crate::config::PipelineError),
+    Pipeline(#[from] PipelineError),
     /// The criteria file is wrong.
     #[error(transparent)]
     Criteria(#[from] crate::criteria::CriteriaError),
@@ -32,7 +59,7 @@ pub enum CampaignError {
     },
     /// An output could not be written.
     #[error(transparent)]
-    Store(#[from] crate::store::StoreError),
+    Store(#[from] StoreError),
     /// Another process uses the same output folder.
     #[error("{}: another flightlag is working on this folder ({owner})", out.display())]
     Busy {
@@ -58,7 +85,7 @@ pub enum CampaignError {
         what: String,
     },
     /// All logs were modified more recently than the settling time of the order.
-    #[error("all logs ({}) are {}", .0.len(), crate::plan::STILL_WRITTEN)]
+    #[error("all logs ({}) are {}", .0.len(), STILL_WRITTEN)]
     AllStillWritten(Vec<String>),
     /// Something is not available yet or has changed; the same command may work later.
     #[error("{0}")]

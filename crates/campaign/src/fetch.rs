@@ -9,7 +9,7 @@ mod cache;
 mod view;
 
 use crate::error::CampaignError;
-use crate::memory::FileStamp;
+use crate::file_stamp::FileStamp;
 use crate::s3;
 use std::io;
 use std::path::{Path, PathBuf};

@@ -3,8 +3,9 @@
 use crate::error::CampaignError;
 use crate::lock::{LOCK, OutputLock};
 use crate::manifest::Manifest;
-use crate::plan::{BENCH_MARK, RunContext, refuse_other_kind};
+use crate::plan::{BENCH_MARK, refuse_other_kind};
 use crate::reduce::previous_record;
+use crate::run_context::RunContext;
 use crate::state::State;
 use crate::store::{Store, read_unopened};
 use std::collections::{BTreeMap, BTreeSet};

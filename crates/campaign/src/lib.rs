@@ -36,9 +36,11 @@ mod engine_tests;
 mod error;
 mod event;
 mod fetch;
+mod file_stamp;
 mod filter_values;
 mod gc;
 mod group;
+mod known_lateness;
 mod lever;
 mod line;
 mod lock;
@@ -53,10 +55,12 @@ mod process;
 mod rate;
 mod reduce;
 mod reference;
+mod reference_rule;
 mod reports;
 mod results;
 mod rows;
 mod run;
+mod run_context;
 mod s3;
 #[cfg(feature = "schema")]
 mod schemas;
@@ -74,27 +78,27 @@ mod work;
 
 pub use bench::{BENCH_ANALYSIS_VERSION, BenchOrder, BenchRow, BenchVerdict, bench_index, bench_run};
 pub use compensation_replay::{ClockRule, error_words};
-pub use config::{DEFAULT_PIPELINE, DEMO_PIPELINE, Pipeline, PipelineError};
+pub use config::{DEFAULT_PIPELINE, DEMO_PIPELINE, Pipeline};
 pub use criteria::{Criteria, CriteriaError, DEMO_CRITERIA, Dimension, EXAMPLE_CRITERIA, METRICS, MetricEntry, Takes};
 pub use delay_report::{DelayOrder, DelayReport, GroupLine, delay_report};
 pub use disk::may_heal;
-pub use error::{CampaignError, Exit};
+pub use error::{CampaignError, Exit, PipelineError, STILL_WRITTEN, StoreError};
 pub use event::{Event, EventSink};
 pub use fetch::{LogCache, keep_logs_in};
 pub use gc::{Garbage, gc};
 pub use group::{content_of, duplicates, fingerprint, group_of, receiver_number, shared_content, usual_rate_hz};
 pub use line::{DelayLine, LineAlarm, LineSetting};
 pub use manifest::{Manifest, Stage, Why};
-pub use plan::{EMPTY_FOLDER, Order, RunContext, STILL_WRITTEN};
+pub use plan::{EMPTY_FOLDER, Order};
 pub use reduce::{Verdict, reduce};
 pub use results::record_of_page;
 pub use rows::read_report;
 pub use run::{plan_shards, run};
+pub use run_context::RunContext;
 pub use s3::is_in_bucket;
 #[cfg(feature = "schema")]
 pub use schemas::schemas;
 pub use status::{Status, Trouble, status};
-pub use store::StoreError;
 pub use task::{TaskReport, quiet_caught_panics, task};
 
 /// Raised by hand when reading, binding or replaying a flight gives different results: earlier results are then made

@@ -4,11 +4,12 @@
 mod bucket_lock;
 
 use crate::error::CampaignError;
+use crate::error::StoreError;
 use crate::event::Event;
-use crate::memory::is_still_at;
-use crate::plan::RunContext;
+use crate::file_stamp::is_still_at;
 use crate::process::Process;
-use crate::store::{Store, StoreError};
+use crate::run_context::RunContext;
+use crate::store::Store;
 use serde::{Deserialize, Serialize};
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{ErrorKind, Read, Seek, SeekFrom, Write};

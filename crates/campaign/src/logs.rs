@@ -3,10 +3,10 @@
 use crate::config::Pipeline;
 use crate::error::CampaignError;
 use crate::fetch::Logs;
+use crate::file_stamp::FileStamp;
 use crate::losses;
 use crate::manifest::{FLIGHTLAG_VERSION, hash_of_parts};
-use crate::memory::FileStamp;
-use crate::plan::RunContext;
+use crate::run_context::RunContext;
 use crate::store::Store;
 use compensation_replay::{REFERENCE_POSITION, REFERENCE_VELOCITY};
 use ingest::{FlightUnit, IngestError, Loaded, MapLibrary, ReadContext, discover, load};

@@ -11,8 +11,7 @@ use crate::ANALYSIS_VERSION;
 use crate::cards::CardFile;
 use crate::disk::may_heal;
 use crate::error::CampaignError;
-use crate::memory::FileStamp;
-use crate::reference::FoundReference;
+use crate::file_stamp::FileStamp;
 use crate::s3;
 use crate::store::{Keep, Store, read_unopened};
 use crate::test_cards::TestCardFiles;
@@ -177,6 +176,15 @@ impl PlannedReference {
             }
         }
     }
+}
+
+/// The reference file of a flight.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum FoundReference {
+    /// The file to read.
+    There(FlightUnit),
+    /// It is missing.
+    Missing { file: String, reason: String },
 }
 
 /// Why a log must be read.

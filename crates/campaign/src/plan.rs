@@ -1,5 +1,7 @@
 //! Finds the flights, hashes their contents, and decides which results to make.
 
+use crate::error::STILL_WRITTEN;
+use crate::run_context::RunContext;
 use crate::config::Pipeline;
 use crate::criteria::Criteria;
 use crate::decide::decide;
@@ -8,10 +10,12 @@ use crate::event::{Event, EventSink};
 use crate::fetch::Logs;
 use crate::logs::{self, Found, Library};
 
+use crate::file_stamp::FileStamp;
 use crate::lock::LOCK;
+use crate::manifest::FoundReference;
 use crate::manifest::{Manifest, Planned, PlannedFile, PlannedReference, Stage, content_hash};
-use crate::memory::{FileStamp, Memory, hash_file};
-use crate::reference::{FlightFiles, FoundReference, with_references};
+use crate::memory::{Memory, hash_file};
+use crate::reference::{FlightFiles, with_references};
 use crate::results;
 use crate::s3;
 use crate::source;
@@ -58,31 +62,8 @@ impl Order {
     }
 }
 
-/// Start of the reason for skipping a log that is still being written.
-pub const STILL_WRITTEN: &str = "still being written; skipped until the next run";
-
 /// Why a folder without files is not a flight.
 pub const EMPTY_FOLDER: &str = "the folder is empty";
-
-/// The run context: how to execute, and where to report. Does not affect any result.
-pub struct RunContext<'a> {
-    /// Number of threads.
-    pub threads: usize,
-    /// Set when the user wants to stop.
-    pub cancel: &'a AtomicBool,
-    /// Receiver of events.
-    pub events: &'a dyn EventSink,
-}
-
-impl RunContext<'_> {
-    pub(crate) fn send(&self, event: Event) {
-        self.events.event(&event);
-    }
-
-    pub(crate) fn stopped(&self) -> Result<(), CampaignError> {
-        if self.cancel.load(Ordering::Relaxed) { Err(CampaignError::Cancelled) } else { Ok(()) }
-    }
-}
 
 /// The plan of a campaign: which results exist, which to make, and why.
 pub(crate) fn plan(

@@ -12,14 +12,14 @@ use crate::event::Event;
 use crate::line::DelayLine;
 use crate::lock::OutputLock;
 use crate::losses;
-use crate::manifest::{Manifest, Planned, hash_of_parts};
-use crate::plan::RunContext;
+use crate::manifest::{FLIGHTLAG_VERSION, Manifest, Planned, hash_of_parts};
+use crate::process::host_name;
 use crate::rate::rate_of;
 use crate::reports::{self, Summary};
 use crate::results;
 use crate::results::{Damaged, ResultFiles};
 use crate::rows::{self, RECORD, ROWS};
-use crate::run::write_run;
+use crate::run_context::RunContext;
 use crate::sketch::sketch;
 use crate::slug::slugs;
 use crate::state::{PageState, State, WholeState};
@@ -36,6 +36,7 @@ use record::{
     RECORD_VERSION, flight_alarms,
 };
 use report::{FlightPage, REPORT_VERSION, Site, TrackExcerpt};
+use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use std::sync::Mutex;
@@ -884,4 +885,43 @@ fn totals_of(rows: &[FlightRow]) -> CampaignTotals {
         // The sum of no values would be minus zero.
         duration_s: rows.iter().filter_map(|r| r.duration_s).fold(0.0, |sum, s| sum + s),
     }
+}
+
+/// The only output with the time of day, the host, and the duration.
+#[derive(Serialize)]
+struct RunRecord {
+    flightlag_version: &'static str,
+    started: String,
+    seconds: f64,
+    host: String,
+    threads: usize,
+    flights: u64,
+    /// Absent if the tasks of a cluster made them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    results_made: Option<usize>,
+    flights_in_trouble: u64,
+    nothing_changed: bool,
+}
+
+pub(crate) fn write_run(
+    store: &Store,
+    context: &RunContext<'_>,
+    (started, clock): (jiff::Timestamp, Instant),
+    results_made: Option<usize>,
+    verdict: &Verdict,
+) -> Result<(), CampaignError> {
+    let run = RunRecord {
+        flightlag_version: FLIGHTLAG_VERSION,
+        started: started.to_string(),
+        seconds: clock.elapsed().as_secs_f64(),
+        host: host_name(),
+        threads: context.threads,
+        flights: verdict.totals.flights,
+        results_made,
+        flights_in_trouble: verdict.troubled,
+        nothing_changed: verdict.nothing_changed,
+    };
+    let mut text = serde_json::to_vec_pretty(&run).unwrap_or_default();
+    text.push(b'\n');
+    Ok(store.write("run.json", &text, Keep::Renewable).map(drop)?)
 }

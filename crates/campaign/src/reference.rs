@@ -1,5 +1,7 @@
 //! The second file of a flight: its location, and the channels that it adds.
 
+use crate::reference_rule::ReferenceRule;
+use crate::manifest::FoundReference;
 use crate::config::Pipeline;
 use crate::error::CampaignError;
 use crate::logs::Library;
@@ -23,40 +25,12 @@ pub(crate) const OF_REFERENCE_FILE: &str = "reference file";
 /// Introduces what was bound by the motion of the log.
 const AXES_ARE: &str = "; its columns were bound by the motion of the log: ";
 
-/// Placeholder for the name of the log without its extension.
-const STEM: &str = "{stem}";
-
-/// Location of the second file of each flight, and treatment of its clock.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub(crate) struct ReferenceRule {
-    /// Path, relative to the folder of the log; `{stem}` is the log's name without its extension, `*` matches anything.
-    #[serde(serialize_with = "without_place")]
-    pub(crate) file: String,
-    pub(crate) clock: ClockRule,
-}
-
-/// Removes the folder: the content of a file is part of the settings, its location is not.
-fn without_place<S: Serializer>(file: &str, serializer: S) -> Result<S::Ok, S::Error> {
-    let path = Path::new(file);
-    let name = path.file_name().filter(|_| path.is_absolute()).map(|name| name.to_string_lossy());
-    serializer.serialize_str(name.as_deref().unwrap_or(file))
-}
-
 /// The files of a flight and of its reference.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct FlightFiles {
     pub(crate) unit: FlightUnit,
     /// `None` without a rule.
     pub(crate) reference: Option<FoundReference>,
-}
-
-/// The reference file of a flight.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) enum FoundReference {
-    /// The file to read.
-    There(FlightUnit),
-    /// It is missing.
-    Missing { file: String, reason: String },
 }
 
 impl FlightFiles {
@@ -124,48 +98,6 @@ fn read_as(path: &Path, units: &[FlightUnit], library: &Library) -> Result<Found
         Some(unit) => FoundReference::There(unit),
         None => FoundReference::Missing { reason: reason(), file },
     })
-}
-
-impl ReferenceRule {
-    fn is_pattern(&self) -> bool {
-        self.file.contains(STEM) || self.file.contains('*')
-    }
-
-    /// The message if no flight has a reference file.
-    fn none_found(&self, file: &str, reason: &str) -> String {
-        match self.is_pattern() {
-            true => format!(
-                "reference file {}: no flight has one; flightlag looked first for {file:?}: {reason}",
-                self.file
-            ),
-            false => {
-                format!(
-                    "reference file {file}: {reason}; a relative path starts in the current folder or in the \
-                    folder of the log"
-                )
-            }
-        }
-    }
-
-    /// The reference file of a flight; else its name and why it is missing.
-    fn file_of(&self, unit: &FlightUnit) -> Result<PathBuf, (String, String)> {
-        let first = unit.files.first().map(PathBuf::as_path).unwrap_or(Path::new(""));
-        let stem = match unit.files.as_slice() {
-            [one] => one.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
-            // A flight of several files has their common name.
-            _ => unit.id.rsplit('/').next().unwrap_or_default().to_owned(),
-        };
-        let wanted = self.file.replace(STEM, &stem);
-        let path = first.parent().unwrap_or(Path::new("")).join(&wanted);
-        let missing = |reason: &str| (wanted.clone(), reason.to_owned());
-        let path = if wanted.contains('*') { only_match(&path, &unit.files).map_err(|r| missing(&r))? } else { path };
-        let path = path.canonicalize().map_err(|e| match e.kind() {
-            std::io::ErrorKind::NotFound => missing("the file does not exist"),
-            _ => missing(&e.to_string()),
-        })?;
-        let is_own = unit.files.iter().any(|f| f.canonicalize().is_ok_and(|f| f == path));
-        if is_own { Err(missing("it is the log itself")) } else { Ok(path) }
-    }
 }
 
 /// The only file with a matching name, except those of the flight.

@@ -1,10 +1,12 @@
 //! `reports/index.html`: one page with links to every report below a folder named `reports`. It is rewritten whenever a
 //! report below that folder is written.
 
+use crate::error::StoreError;
 use crate::event::Event;
-use crate::plan::{BENCH_MARK, RunContext};
+use crate::plan::BENCH_MARK;
+use crate::run_context::RunContext;
 use crate::source;
-use crate::store::{Keep, Store, StoreError};
+use crate::store::{Keep, Store};
 use report::{REPORTS_TITLE, ReportEntry, reports_page};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};

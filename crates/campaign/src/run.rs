@@ -3,16 +3,15 @@
 use crate::error::CampaignError;
 use crate::event::Event;
 use crate::lock::OutputLock;
-use crate::manifest::{FLIGHTLAG_VERSION, Manifest, Stage};
-use crate::plan::{Order, Retry, RunContext, check_output, judge, plan};
-use crate::process::host_name;
-use crate::reduce::{Reduction, Verdict, compare, reduce_locked};
+use crate::manifest::{Manifest, Stage};
+use crate::plan::{Order, Retry, check_output, judge, plan};
+use crate::reduce::{Reduction, Verdict, compare, reduce_locked, write_run};
+use crate::run_context::RunContext;
 use crate::source;
 use crate::state::State;
-use crate::store::{Keep, Store};
+use crate::store::Store;
 use crate::study::{Replaying, Study};
 use crate::task::{TaskReport, make};
-use serde::Serialize;
 use std::time::Instant;
 
 /// Runs a campaign: reuses existing results, makes missing ones, and writes the pages.
@@ -141,43 +140,4 @@ fn report_plan(manifest: &Manifest, context: &RunContext<'_>) {
         to_run: manifest.stale_count(),
         bytes: work.map(|f| f.bytes()).sum(),
     });
-}
-
-/// The only output with the time of day, the host, and the duration.
-#[derive(Serialize)]
-struct RunRecord {
-    flightlag_version: &'static str,
-    started: String,
-    seconds: f64,
-    host: String,
-    threads: usize,
-    flights: u64,
-    /// Absent if the tasks of a cluster made them.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    results_made: Option<usize>,
-    flights_in_trouble: u64,
-    nothing_changed: bool,
-}
-
-pub(crate) fn write_run(
-    store: &Store,
-    context: &RunContext<'_>,
-    (started, clock): (jiff::Timestamp, Instant),
-    results_made: Option<usize>,
-    verdict: &Verdict,
-) -> Result<(), CampaignError> {
-    let run = RunRecord {
-        flightlag_version: FLIGHTLAG_VERSION,
-        started: started.to_string(),
-        seconds: clock.elapsed().as_secs_f64(),
-        host: host_name(),
-        threads: context.threads,
-        flights: verdict.totals.flights,
-        results_made,
-        flights_in_trouble: verdict.troubled,
-        nothing_changed: verdict.nothing_changed,
-    };
-    let mut text = serde_json::to_vec_pretty(&run).unwrap_or_default();
-    text.push(b'\n');
-    Ok(store.write("run.json", &text, Keep::Renewable).map(drop)?)
 }

@@ -160,7 +160,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path().join("reports/data");
         let cancel = std::sync::atomic::AtomicBool::new(false);
-        let context = crate::plan::RunContext { threads: 1, cancel: &cancel, events: &|_: &crate::Event| {} };
+        let context = crate::run_context::RunContext { threads: 1, cancel: &cancel, events: &|_: &crate::Event| {} };
         let take = || OutputLock::take(&Store::open(&out).unwrap(), &context);
         let mut first = None;
         let refused = leaving_no_empty_folder(&out, || {

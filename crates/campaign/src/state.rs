@@ -4,10 +4,10 @@
 //! replaced, its entry is removed.
 
 use crate::error::CampaignError;
+use crate::file_stamp::FileStamp;
 use crate::manifest::{Manifest, Planned, Stage, Why};
-use crate::memory::FileStamp;
-use crate::plan::RunContext;
 use crate::results;
+use crate::run_context::RunContext;
 use crate::store::{Check, Files, Kept, Store};
 use crate::work::Workers;
 use record::Decision;

@@ -8,8 +8,9 @@
 pub(crate) mod bucket;
 pub(crate) mod folder;
 
+use crate::error::StoreError;
 use crate::error::CampaignError;
-use crate::memory::FileStamp;
+use crate::file_stamp::FileStamp;
 use crate::s3;
 use folder::Folder;
 use serde::{Deserialize, Serialize};
@@ -29,18 +30,6 @@ const CONTENT: &str = "\",\"content\":";
 
 /// File with the identifier of an output folder.
 const ID: &str = ".flightlag/id";
-
-/// An output could not be written, read or removed.
-#[derive(Debug, thiserror::Error)]
-#[error("{}: cannot {doing}: {source}", path.display())]
-pub struct StoreError {
-    /// The file or folder.
-    pub path: PathBuf,
-    /// The attempted operation.
-    pub doing: &'static str,
-    /// Error of the operating system.
-    pub source: io::Error,
-}
 
 /// Whether a file must survive a power loss once it is written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

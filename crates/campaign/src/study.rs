@@ -7,8 +7,8 @@ use crate::error::CampaignError;
 use crate::event::Event;
 use crate::logs::Library;
 use crate::manifest::{Manifest, Planned, PlannedReference};
-use crate::plan::RunContext;
 use crate::reference::{ReferenceLog, settle};
+use crate::run_context::RunContext;
 use compensation_replay::{Replay, Sweeper, TrackRows, TruthEffect, effect, replay, sketch};
 use flight::{Code, Notices};
 use ingest::{IngestError, Limits, Loaded, ReadContext};
@@ -175,7 +175,12 @@ impl Replaying {
         let (lateness, decision) = (case.lateness, case.decision);
         let truth = TruthEffect::of(case.flight, &self.pipeline.provisional(), removed_s.unwrap_or(0.0)).ok().flatten();
         lateness.velocity.as_ref()?;
-        Some(effect(truth.as_ref(), answer::known(lateness, decision).as_ref(), lateness.speed_rms_mps, removed_s))
+        Some(effect(
+            truth.as_ref(),
+            crate::known_lateness::known(lateness, decision).as_ref(),
+            lateness.speed_rms_mps,
+            removed_s,
+        ))
     }
 
     /// Replays as if the difference between position and velocity were removed, or nothing if the position is not

@@ -3,10 +3,11 @@
 use crate::error::{CampaignError, Exit};
 use crate::event::Event;
 use crate::fetch::{Brought, Logs};
+use crate::file_stamp::FileStamp;
 use crate::manifest::{Manifest, Planned, PlannedFile, Stage};
-use crate::memory::{FileStamp, hash_file};
-use crate::plan::RunContext;
+use crate::memory::hash_file;
 use crate::results;
+use crate::run_context::RunContext;
 use crate::store::{Check, Store};
 use crate::study::{Interrupted, Replaying, Study, failed_record};
 use crate::work::Workers;

@@ -86,3 +86,52 @@ impl ChannelDynamics {
         Some(format!("{DELAY_CHANGES}, from {least} to {most} ms in windows"))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn gate(name: &str, passed: bool, text: &str) -> GateCheck {
+        GateCheck { name: name.to_owned(), passed, text: text.to_owned() }
+    }
+
+    #[test]
+    fn only_slips_and_scatter_of_the_encoder_make_the_motion_wrong() {
+        let lost = format!("3.1 counts rms: {COUNTS_OR_STAMPS_WRONG}");
+        assert!(gate(ENCODER_SLIP, false, "12 counts at 31 s").is_of_wrong_motion());
+        assert!(gate(ENCODER_RESIDUAL, false, &lost).is_of_wrong_motion());
+        // The smoothing is coarse, but the motion is right.
+        assert!(!gate(ENCODER_RESIDUAL, false, "0.4 counts rms: smoother than the counts").is_of_wrong_motion());
+        assert!(!gate(ENCODER_SLIP, true, "none").is_of_wrong_motion());
+        assert!(!gate("swing amplitude", false, &lost).is_of_wrong_motion());
+    }
+
+    fn mount(unit: &str, fitted: Finding<Estimate>, stated: Option<f64>) -> MountCheck {
+        let (name, unit, agrees, of_rig) = ("lever arm z of imu".to_owned(), unit.to_owned(), Some(false), true);
+        MountCheck { name, unit, fitted, stated, agrees, of_rig, text: String::new() }
+    }
+
+    #[test]
+    fn a_contradiction_is_given_with_both_values_and_the_95_percent_half_width() {
+        let fitted = |value, u| Finding::Found(Estimate { value, standard_uncertainty: Some(u) });
+        let words = |unit, value, u, stated| mount(unit, fitted(value, u), Some(stated)).in_words();
+        assert_eq!(
+            words("m", 1.2012, 0.002, 1.3),
+            "lever arm z of imu: 1.2012 ± 0.0040 m by the data, 1.3000 m by the rig file"
+        );
+        // 0.1 rad is 5.73°, and 2 × 0.005 rad 0.57°.
+        assert_eq!(
+            words("rad", 0.1, 0.005, 0.0),
+            "lever arm z of imu: 5.73 ± 0.57 ° by the data, 0.00 ° by the rig file"
+        );
+        assert_eq!(mount("m", Finding::CannotTell(String::new()), Some(1.0)).in_words(), "lever arm z of imu");
+    }
+
+    #[test]
+    fn a_scale_that_differs_does_not_accuse_the_rig_file() {
+        let check = mount("m", Finding::CannotTell(String::new()), None);
+        assert!(check.contradicts_rig());
+        assert!(!MountCheck { of_rig: false, ..check.clone() }.contradicts_rig());
+        assert!(!MountCheck { agrees: None, ..check }.contradicts_rig());
+    }
+}

@@ -3,9 +3,11 @@
 use super::BenchOrder;
 use crate::error::CampaignError;
 use crate::event::Event;
+use crate::file_stamp::FileStamp;
 use crate::logs::Library;
-use crate::memory::{FileStamp, hash_file};
-use crate::plan::{RunContext, why_no_logs};
+use crate::memory::hash_file;
+use crate::plan::why_no_logs;
+use crate::run_context::RunContext;
 use crate::work::Workers;
 use flight::Quantity;
 use ingest::{FlightUnit, IngestError, Limits, Loaded, ReadContext};

@@ -1,7 +1,7 @@
 //! A reliable store: external changes are detected, and nothing else is made again.
 
 use super::*;
-use crate::memory::FileStamp;
+use crate::file_stamp::FileStamp;
 use crate::store::{Check, Store};
 
 impl Bench {

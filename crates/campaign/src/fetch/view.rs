@@ -2,9 +2,9 @@
 
 use super::cache::Cache;
 use crate::error::CampaignError;
-use crate::memory::FileStamp;
+use crate::error::StoreError;
+use crate::file_stamp::FileStamp;
 use crate::s3::{Bucket, Object};
-use crate::store::StoreError;
 use crate::work::Workers;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File};

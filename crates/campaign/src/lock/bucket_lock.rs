@@ -7,10 +7,10 @@
 
 use super::{LOCK, OutputLock, Owner};
 use crate::error::CampaignError;
+use crate::error::StoreError;
 use crate::event::Event;
-use crate::plan::RunContext;
+use crate::run_context::RunContext;
 use crate::s3::{Bucket, Object, Written};
-use crate::store::StoreError;
 use crate::store::bucket::{BucketStorage, Fence};
 use std::io;
 use std::path::Path;

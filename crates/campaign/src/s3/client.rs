@@ -5,7 +5,7 @@
 
 use super::SCHEME;
 use crate::disk::may_heal;
-use crate::memory::FileStamp;
+use crate::file_stamp::FileStamp;
 use futures_util::TryStreamExt;
 use object_store::aws::{AmazonS3, AmazonS3Builder, AmazonS3ConfigKey};
 use object_store::path::Path as Key;

@@ -13,7 +13,7 @@
 //! A server that ignores conditions would let two runs overwrite each other, and is rejected at the start.
 
 use super::{Fill, Hashing, Keep, Kept, Only, Sink, Storage, StoreError, failed};
-use crate::memory::FileStamp;
+use crate::file_stamp::FileStamp;
 use crate::process::Process;
 use crate::s3::{Bucket, Object, Written};
 use std::collections::{BTreeMap, BTreeSet};
