@@ -10,16 +10,15 @@ use crate::no_position::no_position;
 use crate::rate::rate_of;
 use crate::reference::{OF_REFERENCE_FILE, settled};
 use compensation_replay::{
-    AutopilotParameter, FlightDelaySettings, KnownLateness, MeasuredAgainst, ParameterFit, Refusal, autopilot_advice,
-    measure_delays, pick_pair,
+    AutopilotParameter, FlightDelaySettings, MeasuredAgainst, ParameterFit, Refusal, autopilot_advice, measure_delays,
+    pick_pair,
 };
 use delay_network::{Lineage, NetworkSettings, PairObservation, ReferenceUse, difference, lineage_from_name, solve};
 use flight::{Alarm, Binding, Code, Delay, Flight, LogHealth, Notices};
 use record::{
-    ChannelLateness, Decision, DelayAdvice, DelayAlarm, DelayKind, DelayNetwork, DelayOverTime, DelayPairKind,
-    DelaySetting, DelaySource, Estimate, Finding, FlightContent, FlightDelays, FlightLateness, Gravity, JudgedBy,
-    MeasuredFlight, NetworkDatum, NetworkVerdict, OtherReceiver, PairDelay, RECORD_VERSION, ReceiverGroup,
-    ReferenceClock, ReferenceFile,
+    ChannelLateness, DelayAdvice, DelayAlarm, DelayKind, DelayNetwork, DelayOverTime, DelayPairKind, DelaySetting,
+    Estimate, Finding, FlightContent, FlightDelays, FlightLateness, Gravity, MeasuredFlight, NetworkDatum,
+    OtherReceiver, PairDelay, RECORD_VERSION, ReceiverGroup, ReferenceClock, ReferenceFile,
 };
 
 /// Notices of a log that are alarms of its flight: columns bound by guess, and unknown stated units.

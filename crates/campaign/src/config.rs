@@ -4,11 +4,11 @@
 //! The resolved settings, not the text, name the results: a comment or a default spelled out
 //! changes nothing.
 
-use crate::error::PipelineError;
 use crate::cards::{CardFile, Pin, Shelf, UsedCard, chosen};
 use crate::criteria::Criteria;
 use crate::delay::{Case, Decided, DelayRule, FixedDelay, Known, measured_pair};
 use crate::error::CampaignError;
+use crate::error::PipelineError;
 use crate::lever::Antenna;
 use crate::reference_rule::ReferenceRule;
 use compensation_replay::{

@@ -3,8 +3,8 @@
 //! The decision table is that of the delay network ([`delay_network::decide`]). Values in the key of a result are
 //! rounded, and independent of the number of flights: one more flight must not redo ten thousand.
 
-use crate::delay::in_ms;
 use crate::config::Pipeline;
+use crate::delay::in_ms;
 use crate::manifest::Planned;
 use delay_network::{AskedSource, FlightSources, NetworkSettings, PositionLateness, RelativeLateness};
 use record::{

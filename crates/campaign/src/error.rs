@@ -16,7 +16,7 @@ pub struct StoreError {
     /// The attempted operation.
     pub doing: &'static str,
     /// Error of the operating system.
-    pub source: io::Error,
+    pub source: std::io::Error,
 }
 
 /// An error in a pipeline file, with its place.

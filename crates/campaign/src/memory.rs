@@ -1,14 +1,14 @@
 //! Remembers the content hash of a file by its path, size and timestamps, so that a second run reads no log.
 
-use crate::file_stamp::FileStamp;
 use crate::error::CampaignError;
+use crate::file_stamp::FileStamp;
 use crate::store::Store;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use std::fs::{File, Metadata};
+use std::fs::File;
 use std::io::Read;
 use std::path::Path;
-use std::time::{Duration, SystemTime};
+use std::time::SystemTime;
 
 const MEMORY: &str = ".flightlag/inputs.json";
 const MEMORY_VERSION: u32 = 2;
@@ -93,6 +93,7 @@ pub(crate) fn hash_file(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::time::Duration;
 
     fn old_file(folder: &Path, content: &str) -> std::path::PathBuf {
         let path = folder.join("a.csv");

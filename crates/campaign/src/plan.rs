@@ -1,14 +1,14 @@
 //! Finds the flights, hashes their contents, and decides which results to make.
 
-use crate::error::STILL_WRITTEN;
-use crate::run_context::RunContext;
 use crate::config::Pipeline;
 use crate::criteria::Criteria;
 use crate::decide::decide;
 use crate::error::CampaignError;
-use crate::event::{Event, EventSink};
+use crate::error::STILL_WRITTEN;
+use crate::event::Event;
 use crate::fetch::Logs;
 use crate::logs::{self, Found, Library};
+use crate::run_context::RunContext;
 
 use crate::file_stamp::FileStamp;
 use crate::lock::LOCK;
@@ -28,7 +28,7 @@ use record::{Decision, FlightLateness, IgnoredInput};
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 use std::time::{Duration, SystemTime};
 
 /// Size of the buffer for hashing files, bytes.

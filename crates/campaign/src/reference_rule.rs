@@ -6,7 +6,7 @@ use serde::{Serialize, Serializer};
 use std::path::{Path, PathBuf};
 
 /// Placeholder for the name of the log without its extension.
-const STEM: &str = "{stem}";
+pub(crate) const STEM: &str = "{stem}";
 
 /// Location of the second file of each flight, and treatment of its clock.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -63,5 +63,58 @@ impl ReferenceRule {
         })?;
         let is_own = unit.files.iter().any(|f| f.canonicalize().is_ok_and(|f| f == path));
         if is_own { Err(missing("it is the log itself")) } else { Ok(path) }
+    }
+}
+
+/// The only file with a matching name, except those of the flight.
+fn only_match(pattern: &Path, own: &[PathBuf]) -> Result<PathBuf, String> {
+    let name = pattern.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let folder = pattern.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let entries = std::fs::read_dir(folder).map_err(|e| e.to_string())?;
+    let fits = |path: &PathBuf| {
+        path.file_name().is_some_and(|f| matches(&name, &f.to_string_lossy())) && !own.contains(path) && path.is_file()
+    };
+    let mut found: Vec<PathBuf> = entries.flatten().map(|e| e.path()).filter(fits).collect();
+    found.sort();
+    match found.as_slice() {
+        [] => Err("no file has a matching name".to_owned()),
+        [one] => Ok(one.clone()),
+        [first, second, ..] => Err(format!(
+            "{} files have a matching name, among them {} and {}",
+            found.len(),
+            first.file_name().unwrap_or_default().display(),
+            second.file_name().unwrap_or_default().display()
+        )),
+    }
+}
+
+/// Whether a name matches a pattern in which `*` matches any text.
+fn matches(pattern: &str, name: &str) -> bool {
+    match pattern.split_once('*') {
+        None => pattern == name,
+        Some((begin, rest)) => name.strip_prefix(begin).is_some_and(|name| {
+            let starts = name.char_indices().map(|(at, _)| at).chain([name.len()]);
+            starts.into_iter().any(|at| name.get(at..).is_some_and(|tail| matches(rest, tail)))
+        }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_star_matches_any_text() {
+        for (pattern, name, fits) in [
+            ("a*.pos", "a.pos", true),
+            ("a*.pos", "a_1.pos", true),
+            ("a*.pos", "b.pos", false),
+            ("*", "", true),
+            ("*é*", "caffé.csv", true),
+            ("a*b*c", "a-bb-c", true),
+            ("a*b*c", "a-c", false),
+        ] {
+            assert_eq!(matches(pattern, name), fits, "{pattern} {name}");
+        }
     }
 }

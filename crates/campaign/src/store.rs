@@ -8,8 +8,8 @@
 pub(crate) mod bucket;
 pub(crate) mod folder;
 
-use crate::error::StoreError;
 use crate::error::CampaignError;
+use crate::error::StoreError;
 use crate::file_stamp::FileStamp;
 use crate::s3;
 use folder::Folder;

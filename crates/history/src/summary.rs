@@ -340,6 +340,11 @@ fn counted(n: usize, what: &str) -> String {
     if n == 1 { format!("1 {what}") } else { format!("{n} {what}s") }
 }
 
+/// The name of a flight, as text.
+pub(crate) fn flight_name(flight: &NamedFlight) -> String {
+    if flight.campaign.is_empty() { flight.flight.clone() } else { format!("{}/{}", flight.campaign, flight.flight) }
+}
+
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
@@ -488,9 +493,4 @@ pub(crate) mod tests {
         assert_eq!(value["lines"].as_array().unwrap().len(), 5);
         assert_eq!((&value["moved"], &value["left"]), (&1.into(), &1.into()));
     }
-}
-
-/// The name of a flight, as text.
-pub(crate) fn flight_name(flight: &NamedFlight) -> String {
-    if flight.campaign.is_empty() { flight.flight.clone() } else { format!("{}/{}", flight.campaign, flight.flight) }
 }

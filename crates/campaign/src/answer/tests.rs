@@ -1,8 +1,8 @@
 //! Wording of a lateness and of a difference, and other consequences of an answer.
 
-use crate::known_lateness::velocity_lateness_s;
 use super::{kind_of, other_receivers, receivers_in_words, unknown, words};
 use crate::config::Pipeline;
+use crate::known_lateness::velocity_lateness_s;
 use crate::line::{DelayLine, LineParts};
 use delay_network::{NetworkSettings, PairObservation, lineage_from_name, solve};
 use record::{

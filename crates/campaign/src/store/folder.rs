@@ -5,9 +5,9 @@
 //! The rename is a plain one, because NFS does not support `RENAME_NOREPLACE`. A second writer of a
 //! result writes the same bytes, so the order does not matter.
 
-use crate::error::StoreError;
 use super::{Fill, Hashing, Keep, Kept, Only, Sink, Storage, failed};
 use crate::disk::{Disk, disk};
+use crate::error::StoreError;
 use crate::file_stamp::FileStamp;
 use crate::process::Process;
 use std::collections::BTreeMap;

@@ -210,7 +210,10 @@ fn an_uncertain_delay_is_rejected_with_its_uncertainty_and_advice() {
     settings.position.white_std = 20.0;
     let (pair, _) = only(&flown(&settings), &quick());
     let why = reason(&pair);
-    assert!(why.contains("known only to ±") && why.contains("min of circles") && why.contains("m/s would give"), "{why}");
+    assert!(
+        why.contains("known only to ±") && why.contains("min of circles") && why.contains("m/s would give"),
+        "{why}"
+    );
 }
 
 #[test]
@@ -237,7 +240,10 @@ fn a_velocity_with_swapped_axes_is_rejected_even_in_a_short_flight() {
         flight.channels.insert("velocity.gps".into(), swapped);
         let (pair, _) = only(&flight, &quick());
         let (why, words) = (reason(&pair), "if north and east of velocity.gps were exchanged:");
-        assert!(why.starts_with("position.gps does not move as velocity.gps predicts: ") && why.contains(words), "{why}");
+        assert!(
+            why.starts_with("position.gps does not move as velocity.gps predicts: ") && why.contains(words),
+            "{why}"
+        );
     }
 }
 
