@@ -62,7 +62,7 @@ fn a_difference_has_a_kind_and_its_sentence_never_says_late() {
         let difference = late(value_s, Some("velocity.gps"));
         assert_eq!(kind_of(&difference, None), kind);
         let text = words(&FlightLateness { kind, ..difference }, None, None);
-        assert!(text.contains("than velocity.gps; how late both are is not known"), "{text}");
+        assert!(text.contains("than velocity.gps; how late both are is unknown"), "{text}");
     }
 }
 
@@ -95,7 +95,7 @@ fn the_latenesses_of_position_and_velocity_match_their_difference() {
     assert!((velocity_s.value - 0.060).abs() < 1e-12);
     assert!((velocity_s.standard_uncertainty.unwrap() - 0.005).abs() < 1e-12, "√(4² + 3²) ms");
     let relative = FlightLateness { position_minus_velocity_s: apart, ..late(0.143, Some("velocity.gps")) };
-    assert_eq!(velocity_lateness_s(&relative, &decision(None)), None, "how late both are is not known");
+    assert_eq!(velocity_lateness_s(&relative, &decision(None)), None, "how late both are is unknown");
 }
 
 #[test]
