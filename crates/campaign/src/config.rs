@@ -1448,8 +1448,8 @@ mod tests {
     fn a_delay_is_given_in_exactly_one_way() {
         let (_folder, path) = cards();
         for (delay, says) in [
-            ("position_s = 0.4\nsource = \"s\"\ncard = \"shelf/a.card.toml\"", "no more"),
-            ("card = \"shelf/a.card.toml\"\ncards = \"shelf\"", "no more"),
+            ("position_s = 0.4\nsource = \"s\"\ncard = \"shelf/a.card.toml\"", "keep only one"),
+            ("card = \"shelf/a.card.toml\"\ncards = \"shelf\"", "not both"),
             ("card = \"shelf/a.card.toml\"\nsource = \"s\"", "comes from the sensor card"),
             ("card = \"shelf/a.card.toml\"\nstandard_uncertainty_s = 0.1", "comes from the sensor card"),
             ("cards = \"shelf\"", "needs [sensor]"),

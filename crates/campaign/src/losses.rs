@@ -153,7 +153,7 @@ mod tests {
         let weighed = weighed(&[camera], 0, 0.2);
         assert!(weighed.iter().any(|n| n.code == "minor-loss" && n.severity == Severity::Warning), "{weighed:?}");
         let texts: Vec<String> = weighed.iter().map(|n| n.text.clone()).collect();
-        assert!(texts.iter().any(|text| text.ends_with("touches no result: no result uses camera")), "{texts:?}");
+        assert!(texts.iter().any(|text| text.ends_with("no result is affected: no result uses camera")), "{texts:?}");
     }
 
     #[test]

@@ -96,7 +96,7 @@ fn the_latenesses_of_position_and_velocity_match_their_difference() {
     assert!((velocity_s.value - 0.060).abs() < 1e-12);
     assert!((velocity_s.standard_uncertainty.unwrap() - 0.005).abs() < 1e-12, "√(4² + 3²) ms");
     let relative = FlightLateness { position_minus_velocity_s: apart, ..late(0.143, Some("velocity.gps")) };
-    assert_eq!(velocity_lateness_s(&relative, &decision(None)), None, "how late both are is not known");
+    assert_eq!(velocity_lateness_s(&relative, &decision(None)), None, "how late both are is unknown");
 }
 
 #[test]

@@ -453,7 +453,7 @@ fn without_a_number_nothing_is_evaluated_and_the_reason_is_reported() {
     };
     assert!(verdict(&no_reference, "error-rms").contains("no reference to score against"));
     let one_window = |json: &mut Value| json["delays"]["pairs"][0]["delay"]["found"]["homogeneity"] = Value::Null;
-    assert!(verdict(&one_window, "delay-change").contains("fewer than two windows"));
+    assert!(verdict(&one_window, "delay-change").contains("fewer than two time windows"));
     let no_u = |json: &mut Value| {
         json["replay"]["choice"]["candidates"][1]["delay_s"]["found"]["standard_uncertainty"] = Value::Null;
     };

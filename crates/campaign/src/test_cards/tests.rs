@@ -74,7 +74,7 @@ fn one_run_reports_all_errors_of_all_cards_with_their_lines() {
         "test-card.toml:1: schema must be 1",
         "test-card.toml:3: date = \"31.5.2026\": must be a date such as 2026-05-31",
         "test-card.toml:5: mass_kg = -1: must be from 0.001 to 1000000",
-        "test-card.toml:9: number \"1\" is that of the card on line 7 too",
+        "test-card.toml:9: number \"1\" is already used by the card on line 7",
         "a.test-card.toml:3: unknown key `mas_kg`: did you mean `mass_kg`?",
         "a.test-card.toml:6: unknown key `titel`: did you mean `title`?",
         "none.toml",

@@ -199,9 +199,9 @@ catalogue! {
         }
         "Time and clocks" {
             Undated, "undated", [Info, Warning, Loss],
-                "The time of some messages is unknown: before the first known date or week, after damage, after a \
-                 restart of the boot clock, or because the receiver does not state it. These messages are dated from \
-                 their neighbours, or not used. It is a loss if rows of a whole session are not used.",
+                "The time of some messages is unknown: before the first known date or week, after damage, or after a \
+                 restart of the boot clock. Or the receiver does not state it. These messages are dated from their \
+                 neighbours, or not used. It is a loss if rows of a whole session are not used.",
                 "Nothing, unless most rows are affected. Then log a message with date and time, in each session if the clock restarts.";
             RejectedRow, "rejected-row", [Warning, Info, Loss],
                 "Rows are not used for a channel, or the channel has no rows left. The text gives the reason: no \

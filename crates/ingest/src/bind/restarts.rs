@@ -288,6 +288,6 @@ mod tests {
         assert_eq!(reported([5, 0, 0]), []);
         let lost = reported([5, 7, 0]);
         assert_eq!((lost.len(), lost[0].0, lost[0].1), (1, flight::Severity::Loss, 7));
-        assert!(lost[0].2.contains("nothing dates 1 of 3 sessions"), "{}", lost[0].2);
+        assert!(lost[0].2.contains("1 of 3 sessions cannot be dated"), "{}", lost[0].2);
     }
 }

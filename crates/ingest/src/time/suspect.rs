@@ -132,7 +132,7 @@ mod tests {
         };
         // date -u -d '2003-09-07T12:00:00Z' +%s; 7168 days later is 2023-04-23. The others: 2012-01-01 and 2012-06-04.
         let (early, recent, right) = (1_062_936_000, 1_325_376_000, 1_338_768_000);
-        let text = "the receiver says 2003-09-07, the earliest of 2 such dates among 5, but it is younger; its ten-bit \
+        let text = "the receiver reports 2003-09-07, the earliest of 2 such dates among 5, but it is younger; its ten-bit \
                     count of GPS weeks may have rolled over: then it is 2023-04-23. The dates are not changed";
         assert_eq!(said(&[right, recent, right, early, right]), Some((text.to_owned(), 2)));
         assert!(said(&[recent]).unwrap().0.contains("its date is wrong"));

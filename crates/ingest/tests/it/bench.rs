@@ -293,9 +293,12 @@ fn a_sensor_map_without_a_frame_is_rejected() {
         (format!("quantity = \"attitude\"\n{}", fields(["roll", "pitch", "yaw"], "deg")), "an attitude needs a frame"),
         (
             format!("quantity = \"angular-rate\"\nframe = \"flu\"\n{}", fields(["forward", "left", "up"], "rad/s")),
-            "fits only",
+            "is only for",
         ),
-        (format!("quantity = \"angular-rate\"\n{}", fields(["left", "right", "up"], "rad/s")), "right does not fit"),
+        (
+            format!("quantity = \"angular-rate\"\n{}", fields(["left", "right", "up"], "rad/s")),
+            "right cannot be combined",
+        ),
         ("quantity = \"angular-rate\"\n[channel.fields]\n".into(), "no field: give x, y or z"),
         ("quantity = \"encoder-count\"\n[channel.fields]\n".into(), "the field count is missing"),
         (

@@ -53,7 +53,7 @@ fn unusable_rows_are_counted_by_reason_with_their_first_line() {
             ("latitude or longitude out of range", 1, "line 5"),
             ("latitude and longitude are zero: no fix", 1, "line 6"),
             ("gpsFix is below 3", 1, "line 7"),
-            ("no stamp", 1, "line 8"),
+            ("no timestamp", 1, "line 8"),
             ("timestamp more than a day away from the others", 1, "line 9"),
         ]
     );
@@ -78,7 +78,11 @@ fn rows_are_sorted_by_timestamp_and_the_first_of_equal_ones_is_kept() {
     assert_eq!((count_of(&loaded, "unreliable-stamps"), count_of(&loaded, "duplicate-stamp")), (4, 2));
     let back: Vec<&Notice> = loaded.flight.notices.iter().filter(|n| n.code == "unreliable-stamps").collect();
     let [notice] = back.as_slice() else { panic!("{back:?}") };
-    assert!(notice.text.starts_with("2 channels, the first of them position.gps: stamps go back"), "{}", notice.text);
+    assert!(
+        notice.text.starts_with("2 channels, the first of them position.gps: timestamps go back"),
+        "{}",
+        notice.text
+    );
 }
 
 #[test]

@@ -302,7 +302,7 @@ fn a_constant_timestamp_yields_to_log_time_or_there_is_no_channel() {
                 assert_eq!(count_of(&loaded, "stamp-kind"), 2 * ROWS as u64, "{}", format.name);
             } else {
                 let reason = loaded.binding.unwrap_err();
-                assert!(reason.contains("no stamps"), "{}: {reason}", format.name);
+                assert!(reason.contains("no timestamps"), "{}: {reason}", format.name);
             }
         }
     }

@@ -401,8 +401,8 @@ fn a_file_that_is_not_a_table_is_rejected_with_a_reason() {
     for (text, reason) in [
         (&b""[..], "empty"),
         (b"\xff\xfet\0,\0x\0", "UTF-16"),
-        (b"one\ntwo\nthree\n", "no table"),
-        (b"t,x", "no table"),
+        (b"one\ntwo\nthree\n", "not a table"),
+        (b"t,x", "not a table"),
     ] {
         let error = read_limited(text, &Selection::All, Limits::default()).unwrap_err().to_string();
         assert!(error.starts_with("t.csv: ") && error.contains(reason), "{error}");

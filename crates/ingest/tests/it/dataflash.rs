@@ -660,7 +660,7 @@ fn a_unit_that_differs_from_the_map_is_reported() {
     let unit = ingest::FlightUnit { id: "f".into(), files: vec![path], kind: LogKind::DataFlash };
     let loaded = in_context(|context| ingest::load(&unit, &library, None, context)).unwrap();
     let notice = loaded.flight.notices.iter().find(|n| n.code == "unit-differs").unwrap();
-    assert!(notice.text.contains("VN in m/s") && notice.text.contains("cm/s"), "{}", notice.text);
+    assert!(notice.text.contains("VN is m/s") && notice.text.contains("cm/s"), "{}", notice.text);
 }
 
 #[test]

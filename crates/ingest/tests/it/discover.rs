@@ -70,7 +70,7 @@ fn logs_are_detected_by_content_and_the_rest_is_listed_with_a_reason() {
         ("README.md", ".md"),
         ("LICENSE", "text, but"),
         ("x.zip", "without a file"),
-        ("lfs.mcap", "Git-LFS"),
+        ("lfs.mcap", "Git LFS"),
         ("page.bag", "HTML"),
         ("noise", "binary"),
         ("nothing", "empty"),
@@ -159,7 +159,7 @@ fn circular_links_end_and_no_log_counts_twice() {
     symlink(root.join("gone"), root.join("broken.csv")).unwrap();
     let found = found(root);
     assert_eq!(ids(&found), [("a/log.csv", LogKind::Csv, 1), ("b/other.csv", LogKind::Csv, 1)]);
-    assert!(reason(&found, "a/up").contains("around"));
+    assert!(reason(&found, "a/up").contains("that contains it"));
     assert!(reason(&found, "z").contains("same folder as a"));
     assert!(reason(&found, "b/same.csv").contains("same file as a/log.csv"));
     assert!(reason(&found, "b/twin.csv").contains("same file as a/log.csv"));

@@ -315,7 +315,7 @@ fn a_height_of_unknown_unit_is_reported_as_assumed() {
         format!("{t},{},{},{},{n},{e}", deg(a), deg(b), h / 0.3048)
     });
     let summary = summary(&load_text(&text));
-    assert!(summary.contains("alt is assumed in metres, which nothing confirms"), "{summary}");
+    assert!(summary.contains("alt is assumed to be in metres, which nothing confirms"), "{summary}");
 }
 
 /// No ECEF axis points north, although x and y move consistently with their velocities.
@@ -369,7 +369,7 @@ fn axes_that_contradict_latitude_and_longitude_are_not_called_north_and_east() {
         format!("{t},{},{},{east},{north},{},{track}", deg(a), deg(b), n.hypot(e))
     });
     let error = load_text(&text).binding.unwrap_err();
-    assert!(error.contains("that speed goes with lat") && error.contains("exchanged axes"), "{error}");
+    assert!(error.contains("speed belongs to lat") && error.contains("exchanged axes"), "{error}");
     let text = table("time,lat,lon,x,y,z,vx,vy,vz", |t, [a, b, _], [n, e, u]| {
         let ([north, east, up], _) = truth(t - LATE_S);
         format!("{t},{},{},{east},{up},{},{e},{u},{}", deg(a), deg(b), -north, -n)

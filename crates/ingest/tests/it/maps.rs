@@ -45,7 +45,7 @@ fn a_wrong_map_is_rejected_with_file_line_and_reason() {
         ("{ field = \"b\", unit = \"kt\" }", "\"b\"", ":12: channel.fields.east = \"b\": must be a table"),
         ("{ field = \"b\", unit = \"kt\" }", "[{ field = \"b\", units = \"kt\" }]", ":12: unknown key `units`"),
         ("unit = \"kt\"", "unit = \"deg\"", "deg is not a unit of Speed"),
-        ("east =", "height =", "the field height does not fit"),
+        ("east =", "height =", "the field height cannot be combined"),
         ("east = { field = \"b\", unit = \"kt\" }\n", "", "the field east is missing"),
         ("clock = \"boot\"", "clock = \"moon\"", ":5: "),
         (", clock = \"boot\"", "", "needs a clock"),

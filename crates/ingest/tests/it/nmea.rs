@@ -277,7 +277,7 @@ fn a_bad_line_is_damage_with_its_line_number_and_the_others_are_read() {
     let log = text(&["log of the receiver", "# a comment", &good, &bad, "4.5,M,46.9,M,,", "", &good, "\u{7}", &good]);
     let reasons: Vec<&str> = log.health.damage.iter().map(|d| d.reason.as_str()).collect();
     assert_eq!(reasons[0], "line 4: the checksum is 47, and the sentence gives 44");
-    assert_eq!(reasons[1..], ["line 5: no sentence", "line 8: no sentence"]);
+    assert_eq!(reasons[1..], ["line 5: not a sentence", "line 8: not a sentence"]);
     assert_eq!((table(&log, "GPGGA").rows, log.health.damage_count), (3, 3));
     // If the end of a line is damaged, both its sentences are read.
     let merged = text(&[&format!("{good}\rJ{good}")]);
@@ -290,7 +290,7 @@ fn text_between_sentences_is_not_damage_but_a_fragment_is() {
     let own = sealed("PSRFTXTClock: 96 kHz, good");
     let log = text(&[&good, "+ 6: 28 (.....)", &own, "038,N,01131.000", "038", "noise*47", &good]);
     let reasons: Vec<&str> = log.health.damage.iter().map(|d| d.reason.as_str()).collect();
-    assert_eq!(reasons, [4, 5, 6].map(|line| format!("line {line}: no sentence")));
+    assert_eq!(reasons, [4, 5, 6].map(|line| format!("line {line}: not a sentence")));
     assert_eq!((messages(&log, "GPGLL"), messages(&log, "PSRF")), (2, 1));
     // A logger that prefixes each sentence with text also writes other lines.
     let logged = format!("12:00:01 | recv - {good}");
@@ -609,7 +609,7 @@ fn a_long_line_that_is_not_a_sentence_is_damage_except_for_its_end() {
     let long = "x ".repeat(2500);
     let log = read_bytes(READER, format!("{good}\n{long}\n{good}\n").as_bytes()).unwrap();
     assert_eq!((log.health.messages, log.health.bytes.damaged), (2, 5000));
-    assert_eq!(log.health.damage[0].reason, "line 2: no sentence");
+    assert_eq!(log.health.damage[0].reason, "line 2: not a sentence");
 }
 
 #[test]

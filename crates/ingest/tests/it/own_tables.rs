@@ -43,7 +43,7 @@ fn a_unit_of_another_quantity_is_rejected_and_an_unknown_one_is_reported() {
     assert!(!loaded.flight.channels.contains_key("velocity.gps"));
     let loaded = flysight_with(",(deg),(deg),(m),(furlongs),(m/s),(m/s),");
     let notice = loaded.flight.notices.iter().find(|n| n.code == "unit-unknown").unwrap();
-    assert!(notice.text.contains("velN in \"(furlongs)\""), "{}", notice.text);
+    assert!(notice.text.contains("unit \"(furlongs)\" for velN"), "{}", notice.text);
 }
 
 const MINE: &str = r#"
@@ -103,6 +103,6 @@ fn timestamps_in_another_unit_than_the_map_states_are_rejected() {
     let map = MINE.replace("field = \"t\"", "field = \"t [ms]\"");
     let map = map.split("[[channel]]\nname = \"velocity.gps\"").next().unwrap();
     let error = with_map(map, table).binding.unwrap_err();
-    assert!(error.contains("the table states t [ms] in ms"), "{error}");
+    assert!(error.contains("the unit of t [ms] is ms in the table"), "{error}");
     assert!(with_map(&map.replace("unit = \"s\"", "unit = \"ms\""), table).binding.is_ok());
 }

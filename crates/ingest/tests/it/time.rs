@@ -132,7 +132,7 @@ fn a_channel_without_a_usable_row_is_reported_once_with_reasons() {
     let of_channel = |n: &&flight::Notice| n.severity == flight::Severity::Warning && n.text.contains("position.gps");
     let reported: Vec<_> = loaded.flight.notices.iter().filter(of_channel).collect();
     assert_eq!(reported.iter().map(|n| n.code.as_str()).collect::<Vec<_>>(), ["rejected-row"]);
-    assert!(reported[0].text.ends_with("fix is below 3 (2), no stamp (1)"), "{}", reported[0].text);
+    assert!(reported[0].text.ends_with("fix is below 3 (2), no timestamp (1)"), "{}", reported[0].text);
 }
 
 #[test]
@@ -157,13 +157,13 @@ fn the_day_of_a_date_with_slashes_is_not_guessed() {
     let text = |date: &str| format!("date,time,fix,lat,lon\n{date},17:27:44,3,47.0,8.5\n{date},17:27:45,3,47.1,8.5\n");
     let loaded = read(&library(civil, ""), &text("23/06/2021")).unwrap();
     assert_eq!(stamps(&loaded)[0], 1_624_469_264 * S);
-    assert_eq!(count_saying(&loaded, "date-inferred", "day first, as 23/06/2021"), 2);
+    assert_eq!(count_saying(&loaded, "date-inferred", "day first: 23/06/2021"), 2);
     let why = read(&library(civil, ""), &text("05/06/2021")).unwrap().binding.unwrap_err();
     assert!(why.contains("date is ambiguous: which number of 05/06/2021 is the day? Write order ="), "{why}");
     for (order, day) in [("day-month-year", 1_622_914_064), ("month-day-year", 1_620_322_064)] {
         let civil = format!("measured = [{{ date = \"date\", order = \"{order}\", time = \"time\" }}]");
         let loaded = read(&library(&civil, ""), &text("05/06/2021")).unwrap();
-        assert_eq!((stamps(&loaded)[0], count_saying(&loaded, "date-inferred", "first, as")), (day * S, 0), "{order}");
+        assert_eq!((stamps(&loaded)[0], count_saying(&loaded, "date-inferred", "first: ")), (day * S, 0), "{order}");
     }
 }
 

@@ -508,7 +508,7 @@ fn a_message_with_a_wrong_length_is_dropped_and_its_neighbours_are_kept() {
     let log = read(&made.0);
     assert_eq!(numbers(&log, "pose", "x"), [0.0, 1.0, 6.0, 8.0]);
     assert_eq!(notice(&log, "undecodable"), Some((Severity::Loss, 1)));
-    assert!(log.health.damage[0].reason.contains("length does not fit"), "{:?}", log.health.damage);
+    assert!(log.health.damage[0].reason.contains("length that does not fit"), "{:?}", log.health.damage);
 }
 
 #[test]
