@@ -21,3 +21,4 @@ mod program;
 mod real_logs;
 mod reference;
 mod schemas;
+mod sources;

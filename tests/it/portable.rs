@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 const NAMED_FOR_IT: [&str; 8] = [
     "campaign/src/disk.rs",
     "campaign/src/fetch/cache.rs",
-    "campaign/src/memory.rs",
+    "campaign/src/file_stamp.rs",
     "convert/src/guard.rs",
     "flightlag/src/stop.rs",
     "history/src/dataset.rs",

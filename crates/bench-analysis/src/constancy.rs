@@ -52,8 +52,7 @@ pub(crate) fn constancy(
     let constant_p = own_p.filter(|p| *p < CERTAIN_P).unwrap_or(constant_p);
     let by_the_lag = constant_p < REPORTED_P && !changes_behind_lag(measurements, settings, model, &apart);
     let changes = constant_p < CERTAIN_P && !by_the_lag;
-    let least = windows.iter().map(|w| w.delay_s).fold(f64::INFINITY, f64::min);
-    let most = windows.iter().map(|w| w.delay_s).fold(f64::NEG_INFINITY, f64::max);
+    let [least, most] = range(windows.iter().map(|w| w.delay_s));
     let found = match constant_p {
         p if p >= REPORTED_P => "No change over the record",
         _ if by_the_lag => "The delay that fits best changes with the motion, as expected of the lag",
@@ -71,6 +70,10 @@ pub(crate) fn constancy(
     });
     let farthest_s = (most - fit.delay_s).max(fit.delay_s - least);
     Constancy { finding, change_s: changes.then_some(farthest_s / HALF_95) }
+}
+
+fn range(values: impl Iterator<Item = f64>) -> [f64; 2] {
+    values.fold([f64::INFINITY, f64::NEG_INFINITY], |[least, most], x| [least.min(x), most.max(x)])
 }
 
 fn estimate_of(window: &SegmentDelay) -> Estimate {

@@ -182,10 +182,10 @@ const FIRED: &[(Code, &str, &str)] = &[
     ),
     (
         Code::TooMuchData,
-        "crates/ingest/src/decode/mod.rs",
+        "crates/ingest/src/decode.rs",
         "a_small_log_cannot_claim_all_memory_and_the_rest_is_a_loss",
     ),
-    (Code::NotListed, "crates/ingest/src/decode/mod.rs", "a_log_of_many_bad_topics_gets_few_notices"),
+    (Code::NotListed, "crates/ingest/src/decode.rs", "a_log_of_many_bad_topics_gets_few_notices"),
     (
         Code::NotDecoded,
         "crates/ingest/tests/it/definitions.rs",

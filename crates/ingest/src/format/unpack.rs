@@ -369,21 +369,26 @@ impl<'c> Unpacking<'c> {
         Ok(())
     }
 
+    fn wants(&self, content: &Content) -> bool {
+        match content {
+            Content::Log(kind) => *kind == self.kind,
+            Content::Table { .. } => self.kind == LogKind::Csv,
+            Content::Packed(_) | Content::Other(_) => false,
+        }
+    }
+
     /// Unpacks the logs of a ZIP archive.
     fn archive(&mut self, path: &Path, mut file: File, size: u64) -> Result<(), IngestError> {
         let unusable = |what: String| IngestError::Unusable { file: file_name(path), what };
+        let failed = |e: io::Error| IngestError::of_file(path, e);
         let packing = Packing::Zip;
         let members = members(path, packing).map_err(|e| match e.raw_os_error() {
-            Some(_) => IngestError::of_file(path, e),
+            Some(_) => failed(e),
             None => unusable(e.to_string()),
         })?;
         let mut wanted = vec![];
         for member in &members {
-            let is_wanted = match sniff::content_of(&member.name, &member.head, self.context) {
-                Content::Log(kind) => kind == self.kind,
-                Content::Table { .. } => self.kind == LogKind::Csv,
-                Content::Packed(_) | Content::Other(_) => false,
-            };
+            let is_wanted = self.wants(&sniff::content_of(&member.name, &member.head, self.context));
             let Some(entry) = member.entry.as_ref().filter(|_| is_wanted) else { continue };
             if !entry.listed {
                 let text = "the ZIP archive has no list of files at its end: it is truncated or damaged";
@@ -397,7 +402,7 @@ impl<'c> Unpacking<'c> {
         }
         for (entry, target) in wanted {
             let at = Cell::new(0);
-            let place = zip::place(&mut file, entry).map_err(|e| IngestError::of_file(path, e))?;
+            let place = zip::place(&mut file, entry).map_err(failed)?;
             let decoder = zip::decoder(entry, Packed::new(&file, place.clone(), &at)).map_err(unusable)?;
             self.copy(&Piece { path, size, packing, at: &at, place }, &target, decoder)?;
         }
@@ -458,11 +463,7 @@ impl<'c> Unpacking<'c> {
             }
             if self.written > AT_ANY_RATIO.max(size.saturating_mul(MOST_TIMES)) {
                 bytes -= got as u64;
-                let name = packing.name();
-                break Some(format!(
-                    "the {name} content is more than {MOST_TIMES} times as large as the packed file; \
-                    no log is compressed so much"
-                ));
+                break Some(beyond_any_ratio(packing));
             }
             write_sparse(&mut out, buffer.get(..got).unwrap_or_default())
                 .map_err(|e| IngestError::of_file(target, e))?;
@@ -567,4 +568,11 @@ impl Read for At<'_> {
         self.next += got as u64;
         Ok(got)
     }
+}
+
+fn beyond_any_ratio(packing: Packing) -> String {
+    let name = packing.name();
+    format!(
+        "the {name} content is more than {MOST_TIMES} times as large as the packed file; no log is compressed so much"
+    )
 }

@@ -78,7 +78,10 @@ impl Hash {
 
 fn hash_of_log(log: &Log) -> String {
     let mut hash = Hash(blake3::Hasher::new());
-    let health = &log.health;
+    // Sentences may be rewritten: what was read stays the same.
+    let mut health = log.health.clone();
+    health.topics.iter_mut().for_each(|topic| topic.reason.clear());
+    health.about.configured_delays.iter_mut().for_each(|delay| delay.meaning.clear());
     hash.text(&serde_json::to_string(&(&health.format, &health.bytes, health.messages, health.undecodable)).unwrap());
     hash.text(&serde_json::to_string(&(&health.topics, &health.extras, &health.about)).unwrap());
     hash.text(&serde_json::to_string(&(&log.units, &log.restarts)).unwrap());
@@ -113,7 +116,14 @@ fn hash_column(hash: &mut Hash, column: &Column) {
 fn hash_of_flight(loaded: &Loaded) -> String {
     let mut hash = Hash(blake3::Hasher::new());
     match &loaded.binding {
-        Ok(binding) => hash.text(&serde_json::to_string(&(&binding.map, &binding.channels)).unwrap()),
+        Ok(binding) => {
+            let mut channels = binding.channels.clone();
+            for rejected in channels.iter_mut().map(|channel| &mut channel.rejected) {
+                rejected.iter_mut().for_each(|reject| reject.reason.clear());
+                rejected.sort_by(|a, b| (a.count, &a.first).cmp(&(b.count, &b.first)));
+            }
+            hash.text(&serde_json::to_string(&(&binding.map, &channels)).unwrap());
+        }
         Err(_) => hash.text("not bound"),
     }
     hash.text(&serde_json::to_string(&loaded.flight.utc).unwrap());
