@@ -180,11 +180,7 @@ const FIRED: &[(Code, &str, &str)] = &[
         "crates/ingest/tests/it/dataflash.rs",
         "units_of_another_type_make_no_instances_and_are_reported",
     ),
-    (
-        Code::TooMuchData,
-        "crates/ingest/src/decode.rs",
-        "a_small_log_cannot_claim_all_memory_and_the_rest_is_a_loss",
-    ),
+    (Code::TooMuchData, "crates/ingest/src/decode.rs", "a_small_log_cannot_claim_all_memory_and_the_rest_is_a_loss"),
     (Code::NotListed, "crates/ingest/src/decode.rs", "a_log_of_many_bad_topics_gets_few_notices"),
     (
         Code::NotDecoded,
