@@ -253,5 +253,5 @@ fn two_pipelines_over_the_same_flights_differ_only_by_settings() {
     let same = text(&run(["diff", &first, &first], 0).stdout);
     assert!(same.contains("2 flights in both: 0 numbers moved"), "{same}");
     let wrong = text(&flightlag(["diff", &first, &logs]).output().unwrap().stderr);
-    assert!(wrong.contains("not the report of a campaign"), "{wrong}");
+    assert!(wrong.contains("not a campaign report: it has no campaign.json"), "{wrong}");
 }
