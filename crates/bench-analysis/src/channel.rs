@@ -77,7 +77,10 @@ pub(crate) fn dynamics(channel: &SensedChannel<'_>, bench: &Circumstances<'_>) -
 }
 
 fn with_change(reason: String, change: Option<&Stationarity>) -> String {
-    change.map_or(reason.clone(), |change| format!("{reason}; {}", change.text))
+    match change {
+        Some(change) => format!("{reason}; {}", change.text),
+        None => reason,
+    }
 }
 
 fn blank(channel: &SensedChannel<'_>, bench: &Circumstances<'_>, updates: &Updates) -> ChannelDynamics {

@@ -19,7 +19,6 @@ pub use metric::{METRICS, MetricEntry, Takes};
 pub use read::CriteriaError;
 pub use unit::Dimension;
 
-pub(crate) use applies::any_matches;
 use applies::{AppliesTo, Applying};
 use judge::{judge, margin, pass_rate};
 use measure::{Subject, measure};

@@ -1,5 +1,6 @@
 //! Where the second file of each flight is, according to the pipeline.
 
+use crate::pattern::matches;
 use compensation_replay::ClockRule;
 use ingest::FlightUnit;
 use serde::{Serialize, Serializer};
@@ -85,36 +86,5 @@ fn only_match(pattern: &Path, own: &[PathBuf]) -> Result<PathBuf, String> {
             first.file_name().unwrap_or_default().display(),
             second.file_name().unwrap_or_default().display()
         )),
-    }
-}
-
-/// Whether a name matches a pattern in which `*` matches any text.
-fn matches(pattern: &str, name: &str) -> bool {
-    match pattern.split_once('*') {
-        None => pattern == name,
-        Some((begin, rest)) => name.strip_prefix(begin).is_some_and(|name| {
-            let starts = name.char_indices().map(|(at, _)| at).chain([name.len()]);
-            starts.into_iter().any(|at| name.get(at..).is_some_and(|tail| matches(rest, tail)))
-        }),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_star_matches_any_text() {
-        for (pattern, name, fits) in [
-            ("a*.pos", "a.pos", true),
-            ("a*.pos", "a_1.pos", true),
-            ("a*.pos", "b.pos", false),
-            ("*", "", true),
-            ("*é*", "caffé.csv", true),
-            ("a*b*c", "a-bb-c", true),
-            ("a*b*c", "a-c", false),
-        ] {
-            assert_eq!(matches(pattern, name), fits, "{pattern} {name}");
-        }
     }
 }

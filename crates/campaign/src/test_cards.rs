@@ -13,9 +13,10 @@ pub(crate) use cover::row_cards;
 #[cfg(feature = "schema")]
 pub(crate) use test_card_file::test_card_schema;
 
-use crate::criteria::{Criteria, any_matches};
+use crate::criteria::Criteria;
 use crate::error::CampaignError;
 use crate::manifest::hash_of_parts;
+use crate::pattern::any_matches;
 use cover::status;
 use record::{
     CriteriaUse, FlightRecord, FlightTest, FlownCard, IgnoredInput, TestCard, TestCardSource, TestInstrument,

@@ -325,7 +325,7 @@ const FEW_ROWS: u64 = 5;
 fn report(plan: &Plan<'_>, rejects: &Rejects, unusable: bool, is_coarse: bool, notices: &mut Notices) {
     let is_listed = |reject: &&RejectCount| !(unusable || is_coarse && reject.reason == Reason::Shared.text());
     for reject in rejects.0.iter().filter(is_listed) {
-        let duplicate = reject.reason.starts_with("timestamp equal");
+        let duplicate = order::is_duplicate(&reject.reason);
         let many = reject.count > FEW_ROWS && LOST_BY_CLOCK * reject.count >= plan.table.rows as u64;
         let lost = many && order::is_of_clock(&reject.reason);
         let severity = match reject.reason.as_str() {

@@ -41,6 +41,11 @@ impl Reason {
     }
 }
 
+/// Whether rows dropped for this reason have the timestamp of the row before.
+pub(super) fn is_duplicate(reason: &str) -> bool {
+    [Reason::Repeated, Reason::Shared].iter().any(|duplicate| duplicate.text() == reason)
+}
+
 /// Whether rows dropped for this reason are otherwise valid, and only their time is unknown.
 pub(super) fn is_of_clock(reason: &str) -> bool {
     [Reason::Far, Reason::PassedTwice].iter().any(|of_clock| of_clock.text() == reason)
