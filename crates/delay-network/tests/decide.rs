@@ -28,7 +28,7 @@ fn flight(name: &str, lateness_s: f64) -> FlightSources {
 }
 
 /// Flight whose network is undecided.
-fn untold(name: &str, change: impl Fn(&mut PositionLateness)) -> FlightSources {
+fn undecided(name: &str, change: impl Fn(&mut PositionLateness)) -> FlightSources {
     let mut flight = flight(name, 0.5);
     flight.position.as_mut().into_iter().for_each(change);
     flight
@@ -92,11 +92,11 @@ fn row_2_takes_the_own_delay_of_a_differing_flight() {
 #[test]
 fn row_3_takes_the_others_if_the_own_delay_is_unknown() {
     for (own, why) in [
-        (untold("own", |p| p.verdict = NetworkVerdict::Undecided), "which one is wrong is unknown"),
-        (untold("own", |p| p.verdict = NetworkVerdict::Scattered), "do not agree"),
-        (untold("own", |p| p.datum = NetworkDatum::Refused), "its IMU is itself late"),
-        (untold("own", |p| p.datum = NetworkDatum::None), "nothing in this flight ties it to true time"),
-        (untold("own", |p| p.weak = true), "link to true time is a filter"),
+        (undecided("own", |p| p.verdict = NetworkVerdict::Undecided), "which one is wrong is unknown"),
+        (undecided("own", |p| p.verdict = NetworkVerdict::Scattered), "do not agree"),
+        (undecided("own", |p| p.datum = NetworkDatum::Refused), "its IMU is itself late"),
+        (undecided("own", |p| p.datum = NetworkDatum::None), "nothing in this flight ties it to true time"),
+        (undecided("own", |p| p.weak = true), "link to true time is a filter"),
         (FlightSources { flight: "own".to_owned(), ..FlightSources::default() }, "no pair of channels gave one"),
         (
             FlightSources {
@@ -166,7 +166,7 @@ fn row_7_takes_a_card_alone() {
     // A weak figure cannot be removed, but it can contradict the card.
     let weak = FlightSources {
         card_s: Some(estimate(0.9, 0.01)),
-        ..untold("own", |p| (p.weak, p.lateness_s) = (true, estimate(0.13, 0.061)))
+        ..undecided("own", |p| (p.weak, p.lateness_s) = (true, estimate(0.13, 0.061)))
     };
     let removed = by_default(&[weak]);
     assert_eq!((removed.row, removed.source), (7, RemovedFrom::Card));
@@ -180,7 +180,7 @@ fn row_8_does_not_use_a_relative_figure_as_a_delay() {
         relative: relative(),
         card_s,
         stated_s,
-        ..untold("own", |p| p.datum = NetworkDatum::None)
+        ..undecided("own", |p| p.datum = NetworkDatum::None)
     };
     let (card, stated) = (Some(estimate(0.2, 0.004)), Some(estimate(0.4, 0.01)));
     let nothing = by_default(&[own(None, None)]);
@@ -196,7 +196,7 @@ fn row_8_does_not_use_a_relative_figure_as_a_delay() {
     let weak = FlightSources {
         stated_s: Some(estimate(0.9, 0.01)),
         relative: relative(),
-        ..untold("own", |p| (p.weak, p.lateness_s) = (true, estimate(0.13, 0.061)))
+        ..undecided("own", |p| (p.weak, p.lateness_s) = (true, estimate(0.13, 0.061)))
     };
     assert!(by_default(&[weak]).contradicted.unwrap().contains("770.0 ms less than stated"));
 }
@@ -267,7 +267,7 @@ fn a_group_of_two_receivers_is_pooled_per_receiver() {
         all.push(flight(&format!("a{at}"), 0.200 + 0.001 * f64::from(at % 3)));
         all.push(flight(&format!("b{at}"), 0.300 + 0.001 * f64::from(at % 3)));
     }
-    all.push(untold("silent", |p| p.verdict = NetworkVerdict::Undecided));
+    all.push(undecided("silent", |p| p.verdict = NetworkVerdict::Undecided));
     let decision = decide(&all, AskedSource::Network, DATUM_S);
     for removed in &decision.removed[..10] {
         let near = if removed.flight.starts_with('a') { 0.201 } else { 0.301 };
@@ -334,8 +334,8 @@ fn nonsense_never_panics() {
     assert!(decide(&[], AskedSource::Network, DATUM_S).removed.is_empty());
     let broken = [
         flight("nan", f64::NAN),
-        untold("no u", |p| p.lateness_s.standard_uncertainty = None),
-        untold("negative", |p| p.model_uncertainty_s = -1.0),
+        undecided("no u", |p| p.lateness_s.standard_uncertainty = None),
+        undecided("negative", |p| p.model_uncertainty_s = -1.0),
         FlightSources {
             card_s: Some(estimate(f64::NAN, 0.0)),
             stated_s: Some(estimate(f64::NAN, -1.0)),

@@ -183,7 +183,7 @@ impl Tally {
     }
 
     /// Reports the event, if it happened.
-    pub(crate) fn tell(&self, what: impl Into<Graded>, place: &str, text: &str, notices: &mut Notices) {
+    pub(crate) fn report(&self, what: impl Into<Graded>, place: &str, text: &str, notices: &mut Notices) {
         if self.count > 0 {
             notices.push(what, place, self.count, format!("{text}; the first: {}", self.first));
         }
@@ -569,8 +569,8 @@ impl Topic {
 
     fn raise(&self, notices: &mut Notices) {
         let place = format!("topic {}", self.info.name);
-        self.undecodable.tell(Code::Undecodable, &place, "messages that cannot be decoded", notices);
-        self.too_long.tell(Code::ReadLeniently, &place, "messages are longer than their definition", notices);
+        self.undecodable.report(Code::Undecodable, &place, "messages that cannot be decoded", notices);
+        self.too_long.report(Code::ReadLeniently, &place, "messages are longer than their definition", notices);
         let mut raise = |what: Graded, count, text: String| {
             if count > 0 {
                 notices.push(what, place.as_str(), count, text);

@@ -42,7 +42,7 @@ use logscan::{Ledger, LogFile, MOST_ZEROS};
 use std::path::PathBuf;
 
 /// Reports that a file contains several logs, one after another.
-fn tell_logs(file: &str, logs: u64, notices: &mut Notices) {
+fn report_logs(file: &str, logs: u64, notices: &mut Notices) {
     if logs > 1 {
         let text = "this file holds several logs, one after another; all were read";
         notices.push(Code::SeveralSessions, file, logs, text);
@@ -50,18 +50,18 @@ fn tell_logs(file: &str, logs: u64, notices: &mut Notices) {
 }
 
 /// Reports how many messages belong to no topic that the log defines.
-fn tell_unplaced(unplaced: &Tally, file: &str, notices: &mut Notices) {
-    unplaced.tell(Code::Undecodable, file, "messages that belong to no known topic", notices);
+fn report_unplaced(unplaced: &Tally, file: &str, notices: &mut Notices) {
+    unplaced.report(Code::Undecodable, file, "messages that belong to no known topic", notices);
 }
 
 /// Reports how many messages (in the format's own term) belong to topics above the topic limit.
-fn tell_too_many_topics(unplaced: &Tally, what: &str, file: &str, notices: &mut Notices) {
-    unplaced.tell(Code::TooMuchData, file, &format!("{what} were not read: the log has too many topics"), notices);
+fn report_too_many_topics(unplaced: &Tally, what: &str, file: &str, notices: &mut Notices) {
+    unplaced.report(Code::TooMuchData, file, &format!("{what} were not read: the log has too many topics"), notices);
 }
 
 /// Reports how many messages could not be decompressed.
-fn tell_broken(broken: &Tally, file: &str, notices: &mut Notices) {
-    broken.tell(Code::Undecodable, file, "messages with corrupt compression", notices);
+fn report_broken(broken: &Tally, file: &str, notices: &mut Notices) {
+    broken.report(Code::Undecodable, file, "messages with corrupt compression", notices);
 }
 
 /// Compares the number of messages with the number stated by `by`, such as an index.
@@ -162,13 +162,13 @@ fn with_topics<'c>(context: &'c ReadContext<'c>, most: usize) -> ReadContext<'c>
     ReadContext { limits, cancel: context.cancel, on_bytes: context.on_bytes }
 }
 
-fn tell_padding(file: &str, bytes: u64, notices: &mut Notices) {
+fn report_padding(file: &str, bytes: u64, notices: &mut Notices) {
     if bytes > 0 {
         notices.push(Code::Skipped, file, bytes, "bytes of padding after the last record");
     }
 }
 
-fn tell_preamble(bytes: u64, notices: &mut Notices) {
+fn report_preamble(bytes: u64, notices: &mut Notices) {
     if bytes > 0 {
         notices.push(Code::Skipped, "", bytes, "bytes of text before the first frame");
     }

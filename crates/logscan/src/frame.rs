@@ -1,4 +1,4 @@
-//! What a format tells the scan about its frames.
+//! What the scan knows of the frames of a format.
 
 use crate::error::ScanError;
 use crate::ledger::Fate;

@@ -50,11 +50,11 @@ pub(crate) fn criterion_value(finding: &CriterionFinding) -> Option<(String, Opt
     if value.value.fract() == 0.0 && value.value.abs() < 1e6 {
         return Some((number::exact(value.value), None));
     }
-    let tells = |digits: &i32| {
+    let is_distinct = |digits: &i32| {
         let shown = number::to_significant(value.value, *digits);
         limits(finding).iter().all(|limit| shown.partial_cmp(limit) == value.value.partial_cmp(limit))
     };
-    let digits = (3..9).find(tells).unwrap_or(9);
+    let digits = (3..9).find(is_distinct).unwrap_or(9);
     Some((number::significant(value.value, digits), None))
 }
 

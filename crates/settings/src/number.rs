@@ -54,14 +54,14 @@ mod tests {
 
     #[test]
     fn a_number_out_of_bounds_is_reported_with_its_unit() {
-        let told = |key, value| within(key, value, 0.0, 30.0).unwrap_err();
+        let error_of = |key, value| within(key, value, 0.0, 30.0).unwrap_err();
         assert_eq!(
-            told("delay.position_s", 400.0),
+            error_of("delay.position_s", 400.0),
             "delay.position_s = 400 s: must be from 0 to 30 s; 400 ms are 0.4 s"
         );
-        assert_eq!(told("rate_hz", -5.0), "rate_hz = -5 Hz: must be from 0 to 30 Hz");
-        assert_eq!(told("gain", 31.0), "gain = 31: must be from 0 to 30");
-        assert_eq!(told("s", f64::NAN), "s = NaN: must be from 0 to 30");
+        assert_eq!(error_of("rate_hz", -5.0), "rate_hz = -5 Hz: must be from 0 to 30 Hz");
+        assert_eq!(error_of("gain", 31.0), "gain = 31: must be from 0 to 30");
+        assert_eq!(error_of("s", f64::NAN), "s = NaN: must be from 0 to 30");
         assert_eq!(seconds("400", -5.0, 30.0), Err("must be from -5 to 30 s; 400 ms are 0.4 s".to_owned()));
         assert_eq!(seconds("0.4", -5.0, 30.0), Ok(0.4));
         assert!(seconds("0,4", -5.0, 30.0).unwrap_err().contains("seconds"));

@@ -255,7 +255,7 @@ fn lag_study(trials: u64) {
     );
     for (number, (rate_hz, sigma)) in [(4.0, 0.1), (4.0, 0.02), (100.0, 0.1), (100.0, 0.02)].into_iter().enumerate() {
         for (which, (delay, lags, right)) in LATENESSES.into_iter().enumerate() {
-            let (mut told, mut open, mut best) = (0, 0, [0; 4]);
+            let (mut right_model, mut open, mut best) = (0, 0, [0; 4]);
             let mut covered = [0; 3];
             let mut ms = 0.0;
             for s in 0..trials {
@@ -286,7 +286,7 @@ fn lag_study(trials: u64) {
                 let choice = choose_lag_model(&[m], &fit, &settings);
                 ms += start.elapsed().as_secs_f64() * 1e3 / trials as f64;
                 match choice.chosen {
-                    Some(model) if model.name() == right => told += 1,
+                    Some(model) if model.name() == right => right_model += 1,
                     None => open += 1,
                     _ => {}
                 }
@@ -303,9 +303,9 @@ fn lag_study(trials: u64) {
             println!(
                 "{:18} {rate_hz:6} {:6.1} {:6.1} {:6.1} | {best:?} | {:.1} {:.1} {:.1} | {ms:.1}   (noise {sigma} m)",
                 format!("{delay} + {lags:?}"),
-                percent(told),
+                percent(right_model),
                 percent(open),
-                percent(trials as usize - told - open),
+                percent(trials as usize - right_model - open),
                 percent(covered[0]),
                 percent(covered[1]),
                 percent(covered[2])

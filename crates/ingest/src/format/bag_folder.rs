@@ -146,7 +146,7 @@ fn in_order_of_numbers(files: &mut [String]) {
 
 /// Reports numbers missing among the files of a recording without metadata. A recorder that keeps only the
 /// newest files removes the first ones itself.
-pub(crate) fn tell_gaps(files: &[PathBuf], notices: &mut Notices) {
+pub(crate) fn report_gaps(files: &[PathBuf], notices: &mut Notices) {
     let mut parts = BTreeMap::<_, Vec<(u64, String)>>::new();
     for path in files {
         let name = file_name(path);
@@ -220,8 +220,8 @@ mod tests {
             let (metadata, rest) = Metadata::split_off(&[path.clone(), "bag_0.db3".into()]).unwrap();
             let mut log = Log::default();
             metadata.unwrap().compare(&rest, &mut log);
-            let told: Vec<&str> = log.notices.iter().map(|n| n.code.as_str()).collect();
-            assert_eq!(told, ["index-differs"], "{:?}", log.notices);
+            let codes: Vec<&str> = log.notices.iter().map(|n| n.code.as_str()).collect();
+            assert_eq!(codes, ["index-differs"], "{:?}", log.notices);
         }
     }
 
@@ -276,32 +276,32 @@ mod tests {
     }
 
     /// The gaps reported for files with these names.
-    fn told(names: &[&str]) -> Vec<(Severity, String, u64)> {
+    fn missing_parts(names: &[&str]) -> Vec<(Severity, String, u64)> {
         let mut notices = Notices::new();
-        tell_gaps(&names.iter().map(PathBuf::from).collect::<Vec<_>>(), &mut notices);
+        report_gaps(&names.iter().map(PathBuf::from).collect::<Vec<_>>(), &mut notices);
         notices.iter().map(|n| (n.severity, n.place.clone(), n.count)).collect()
     }
 
     #[test]
     fn missing_numbers_among_the_parts_of_a_recording_are_reported() {
-        assert_eq!(told(&["b_0.mcap", "b_1.mcap", "b_2.mcap"]), []);
-        assert_eq!(told(&["b_7.mcap"]), []);
-        assert_eq!(told(&["a.mcap", "b_7.mcap"]), []);
+        assert_eq!(missing_parts(&["b_0.mcap", "b_1.mcap", "b_2.mcap"]), []);
+        assert_eq!(missing_parts(&["b_7.mcap"]), []);
+        assert_eq!(missing_parts(&["a.mcap", "b_7.mcap"]), []);
         let (warning, loss) = (Severity::Warning, Severity::Loss);
         let gap = |severity, name: &str, count| (severity, format!("before {name}"), count);
-        assert_eq!(told(&["b_0.db3", "b_3.db3.zstd", "b_4.db3"]), [gap(loss, "b_3.db3.zstd", 2)]);
-        assert_eq!(told(&["b_2.db3", "b_3.db3"]), [gap(warning, "b_2.db3", 2)]);
+        assert_eq!(missing_parts(&["b_0.db3", "b_3.db3.zstd", "b_4.db3"]), [gap(loss, "b_3.db3.zstd", 2)]);
+        assert_eq!(missing_parts(&["b_2.db3", "b_3.db3"]), [gap(warning, "b_2.db3", 2)]);
     }
 
     #[test]
     fn numbers_are_compared_only_within_one_recording_and_in_order() {
-        assert_eq!(told(&["a_0.mcap", "b_7.mcap"]), []);
-        assert_eq!(told(&["a_0.mcap", "a_1.mcap", "b_0.mcap", "b_1.mcap", "c.mcap"]), []);
+        assert_eq!(missing_parts(&["a_0.mcap", "b_7.mcap"]), []);
+        assert_eq!(missing_parts(&["a_0.mcap", "a_1.mcap", "b_0.mcap", "b_1.mcap", "c.mcap"]), []);
         assert_eq!(
-            told(&["b_10.mcap", "b_2.mcap", "a_0.mcap", "b_1.mcap", "b_0.mcap", "a_1.mcap"]),
+            missing_parts(&["b_10.mcap", "b_2.mcap", "a_0.mcap", "b_1.mcap", "b_0.mcap", "a_1.mcap"]),
             [(Severity::Loss, "before b_10.mcap".to_owned(), 7)]
         );
-        assert_eq!(told(&["one/b_0.mcap", "two/b_4.mcap"]), []);
+        assert_eq!(missing_parts(&["one/b_0.mcap", "two/b_4.mcap"]), []);
     }
 
     #[test]

@@ -40,7 +40,7 @@ pub(crate) fn read(files: &[PathBuf], want: &dyn Select, context: &ReadContext<'
         } else {
             super::refuse_foreign(file, binary::NO_RECORD, context)?;
             let scanned = logscan::scan(file, &mut ledger, context, &mut binary::Records::new(&mut session))?;
-            super::tell_padding(file.name(), scanned.padding, &mut notices);
+            super::report_padding(file.name(), scanned.padding, &mut notices);
         }
     }
     session.finish(&mut log, &mut notices);

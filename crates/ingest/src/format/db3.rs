@@ -25,7 +25,7 @@ use self::walk::{Leaf, Lost, Walk};
 use crate::decode::{Definition, Route, Tally, Topics};
 use crate::error::IngestError;
 use crate::format::bag_folder::{self, Metadata};
-use crate::format::{Reading, tell_broken, tell_unplaced};
+use crate::format::{Reading, report_broken, report_unplaced};
 use crate::reader::{Extra, Log, ReadContext, Select};
 use crate::table::TopicInfo;
 use flight::{Code, Notices, Severity};
@@ -56,7 +56,7 @@ pub(crate) fn read(files: &[PathBuf], want: &dyn Select, context: &ReadContext<'
         } else if super::is_foreign_part(refused, source.size(), &mut ledger, &mut notices)? {
             continue;
         }
-        source.tell_missing_wal(metadata.is_some(), &mut notices);
+        source.report_missing_wal(metadata.is_some(), &mut notices);
         log.health.undecodable += source.read(&mut ledger, &mut notices, &mut topics, context)?;
     }
     // Neither row nor damage.
@@ -66,7 +66,7 @@ pub(crate) fn read(files: &[PathBuf], want: &dyn Select, context: &ReadContext<'
     let mut log = Reading { files, ledger, notices, topics }.conclude(log)?;
     match metadata {
         Some(metadata) => metadata.compare(&rest, &mut log),
-        None => bag_folder::tell_gaps(&rest, &mut log.notices),
+        None => bag_folder::report_gaps(&rest, &mut log.notices),
     }
     Ok(log)
 }
@@ -105,7 +105,7 @@ impl Source {
 
     /// A write-ahead log that was not copied along leaves no trace in the database. A recorder that closes its bag
     /// removes the log, and then describes the bag in `metadata.yaml`, whose counts are compared.
-    fn tell_missing_wal(&self, described: bool, notices: &mut Notices) {
+    fn report_missing_wal(&self, described: bool, notices: &mut Notices) {
         let is_there = std::fs::metadata(wal::path_of(&self.path)).is_ok_and(|about| about.len() > 0);
         if self.write_ahead && !is_there && !described {
             let text = "the recorder used a write-ahead log (-wal), which is empty or not in the folder of the bag. \
@@ -251,9 +251,9 @@ fn read_database(
     walk.account(&tables.messages, &like_message, &mut messages)?;
     walk.conclude();
     let Messages { unplaced, packed, found, .. } = messages;
-    let (lost, told) = (std::mem::take(&mut walk.lost), walk.told());
+    let (lost, reported) = (std::mem::take(&mut walk.lost), walk.reported());
     let tail = walk.pages.tail();
-    context.advance(size.saturating_sub(told))?;
+    context.advance(size.saturating_sub(reported))?;
     if tail.1 > 0 {
         ledger.damaged(&name, tail.0, tail.1, "the file ends inside a page");
     }
@@ -315,8 +315,8 @@ struct Losses<'l> {
 impl Losses<'_> {
     fn report(&self, name: &str, notices: &mut Notices) {
         self.report_pages(name, notices);
-        tell_unplaced(self.unplaced, name, notices);
-        tell_broken(self.packed, name, notices);
+        report_unplaced(self.unplaced, name, notices);
+        report_broken(self.packed, name, notices);
         self.report_repairs(name, notices);
         if !self.has_messages {
             let text = match self.write_ahead {

@@ -9,7 +9,7 @@ mod versions;
 
 pub(in crate::format) use parameters::{lever_arms, of_ardupilot, of_px4};
 pub(in crate::format) use tables::{GARMIN, of_table_head};
-pub(in crate::format) use versions::{of_version, tell_px4_versions};
+pub(in crate::format) use versions::{of_version, report_px4_versions};
 
 use flight::ReceiverIdentity;
 use std::collections::BTreeMap;

@@ -23,7 +23,7 @@ use crate::decode::{Definition, NAMED, Route, Tally, Times, Topics, Vouch};
 use crate::error::IngestError;
 use crate::format::bag_folder::{self, Metadata};
 use crate::format::inflate::{Inflater, is_packed};
-use crate::format::{Reading, compare_count, tell_broken, tell_unplaced};
+use crate::format::{Reading, compare_count, report_broken, report_unplaced};
 use crate::reader::{Extra, Log, ReadContext, Select};
 use crate::table::TopicInfo;
 use flight::{Code, Notices};
@@ -74,7 +74,7 @@ pub(crate) fn read(files: &[PathBuf], want: &dyn Select, context: &ReadContext<'
     originals.restore(want, &mut log);
     match metadata {
         Some(metadata) => metadata.compare(&rest, &mut log),
-        None => bag_folder::tell_gaps(&rest, &mut log.notices),
+        None => bag_folder::report_gaps(&rest, &mut log.notices),
     }
     Ok(log)
 }
@@ -449,11 +449,11 @@ impl<'t, 'w> Channels<'t, 'w> {
         }
         let stated = summary.messages.filter(|_| summary.trust != Trust::Bad).unwrap_or(self.found);
         compare_count("summary", stated, self.found, file, notices);
-        tell_unplaced(&self.unplaced, file, notices);
-        tell_broken(&self.broken, file, notices);
+        report_unplaced(&self.unplaced, file, notices);
+        report_broken(&self.broken, file, notices);
         let text = "definitions were replaced by others with the same number";
-        self.redefined.tell(Code::Redefined, file, text, notices);
-        self.too_long.tell(
+        self.redefined.report(Code::Redefined, file, text, notices);
+        self.too_long.report(
             Code::TooMuchData,
             file,
             "attachments longer than the limit of a record were not read",

@@ -331,7 +331,7 @@ impl Lines {
     }
 
     /// Reports deviations of a file from the standard.
-    pub(super) fn tell(&self, file: &str, notices: &mut Notices) {
+    pub(super) fn report(&self, file: &str, notices: &mut Notices) {
         let mut say = |what: Graded, count, text: &str| {
             if count > 0 {
                 notices.push(what, file, count, text);

@@ -34,9 +34,9 @@ pub(crate) fn read(
         refuse_foreign(file, of_lines, context)?;
         stream.lines.begin(of_lines && nmea::has_bare_sentences(file)?);
         preamble += scan(file, &mut ledger, context, &mut stream)?.preamble;
-        stream.lines.tell(file.name(), &mut notices);
+        stream.lines.report(file.name(), &mut notices);
     }
-    super::tell_preamble(preamble, &mut notices);
+    super::report_preamble(preamble, &mut notices);
     let mut log = Log::default();
     log.health.format = name_of(of_lines, stream.frames.any).to_owned();
     let Stream { frames, lines, .. } = stream;

@@ -32,7 +32,7 @@ pub(super) use self::ubx_frame::{LONGEST, RTCM, SYNC};
 use self::ubx_receiver::{Receiver, Weeks};
 use crate::decode::cells::{CellKind, CellLayout, push_hex};
 use crate::decode::{Route, Tally, Times, Topics, Vouch};
-use crate::format::tell_too_many_topics;
+use crate::format::report_too_many_topics;
 use crate::reader::Log;
 use crate::table::{PAYLOAD_HEX, TopicInfo};
 use flight::{Code, Notices, Severity};
@@ -126,13 +126,13 @@ impl Frames {
         if key == MON_VER {
             self.receiver.version(frame.payload);
         }
-        self.receiver.identity.tell(key, frame.payload);
+        self.receiver.identity.observe(key, frame.payload);
         // A frame without payload is a poll for the message; it contains nothing.
         let Some(message) = Message::of(frame.class, frame.number).filter(|_| !frame.payload.is_empty()) else {
             return self.skip(key, frame.payload, topics);
         };
-        let derived = self.receiver.tell(message, frame.payload);
-        if Weeks::is_untold(derived.week) {
+        let derived = self.receiver.observe(message, frame.payload);
+        if Weeks::is_unknown(derived.week) {
             if Weeks::run_of(derived.week) != self.early_run {
                 self.early_run = Weeks::run_of(derived.week);
                 self.untimed.extend(std::mem::take(&mut self.early));
@@ -157,7 +157,7 @@ impl Frames {
         }
         let Some(route) = self.whole_route(key, topics) else { return Fate::Skipped };
         self.line.clear();
-        if let Some((week, itow_ms)) = self.receiver.told() {
+        if let Some((week, itow_ms)) = self.receiver.known_time() {
             self.line += &format!("{week},{itow_ms},");
         } else {
             self.line += ",,";
@@ -200,7 +200,7 @@ impl Frames {
     /// Writes what the receiver says about itself, and what was wrong. The returned value dates the tables once they
     /// are made.
     pub(super) fn finish(mut self, log: &mut Log, notices: &mut Notices) -> (Weeks, EarlyMarks) {
-        tell_too_many_topics(&self.unplaced, "messages", "", notices);
+        report_too_many_topics(&self.unplaced, "messages", "", notices);
         if !self.receiver.weeks.are_of(self.early_run) {
             self.untimed.extend(std::mem::take(&mut self.early));
         }
@@ -211,9 +211,9 @@ impl Frames {
             true => "messages before the first one with a week are dated backwards from it",
             false => "messages have a time of week, but the log has no week number",
         };
-        self.early.tell(Code::Undated, "", text, notices);
+        self.early.report(Code::Undated, "", text, notices);
         let text = "messages have no time because the receiver did not know it yet";
-        self.untimed.tell(Code::Undated, "", text, notices);
+        self.untimed.report(Code::Undated, "", text, notices);
         if self.receiver.nowhere > 0 {
             let text = "velocities are in earth-fixed axes, but no message near them gives the position, so north is \
                 unknown: they are not used";
@@ -221,7 +221,7 @@ impl Frames {
         }
         let marks = self.receiver.early_marks();
         let untimed = &self.receiver.pulses.untimed;
-        untimed.tell(Code::Undated.at(Severity::Warning), "", "pulses have no GPS time", notices);
+        untimed.report(Code::Undated.at(Severity::Warning), "", "pulses have no GPS time", notices);
         if let Some((text, dates)) = self.receiver.suspicion() {
             notices.push(Code::DateInferred.at(Severity::Warning), "", dates, text);
         }

@@ -442,7 +442,7 @@ impl<'c> Unpacking<'c> {
         let Piece { path, size, packing, at, .. } = *piece;
         let mut out = File::create(target).map_err(|e| IngestError::of_file(target, e))?;
         let mut buffer = vec![0; STEP];
-        let (mut told, mut bytes) = (piece.place.start, 0_u64);
+        let (mut reported, mut bytes) = (piece.place.start, 0_u64);
         let fault = loop {
             let got = match decoder.read(&mut buffer) {
                 Ok(0) => break None,
@@ -467,15 +467,15 @@ impl<'c> Unpacking<'c> {
             }
             write_sparse(&mut out, buffer.get(..got).unwrap_or_default())
                 .map_err(|e| IngestError::of_file(target, e))?;
-            self.context.advance(at.get() - told)?;
-            told = at.get();
+            self.context.advance(at.get() - reported)?;
+            reported = at.get();
         };
         out.set_len(bytes).map_err(|e| IngestError::of_file(target, e))?;
-        fault.map_or(Ok(()), |fault| self.tell_fault(piece, &fault, bytes))
+        fault.map_or(Ok(()), |fault| self.report_fault(piece, &fault, bytes))
     }
 
     /// Reports what was lost after the unpacked bytes; without any unpacked bytes there is nothing to read.
-    fn tell_fault(&mut self, piece: &Piece<'_>, fault: &str, bytes: u64) -> Result<(), IngestError> {
+    fn report_fault(&mut self, piece: &Piece<'_>, fault: &str, bytes: u64) -> Result<(), IngestError> {
         let (file, at, end) = (file_name(piece.path), piece.at.get(), piece.place.end);
         if bytes == 0 {
             return Err(IngestError::Unusable { file, what: format!("{fault}; nothing could be unpacked") });

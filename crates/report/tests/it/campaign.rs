@@ -141,16 +141,16 @@ fn flights_with_only_a_known_difference_get_advice_on_logging() {
     }
     assert!(!words(&text(&site(&record), "index.html")).contains("Log the IMU"), "something was removed");
     let members = record.groups[0].members.clone();
-    let mut told = 0;
+    let mut measured = 0;
     for row in record.flights.iter_mut().filter(|row| members.contains(&row.flight)) {
         row.delay_s = None;
-        told += usize::from(row.lateness.as_ref().is_some_and(|l| l.lateness.is_some()));
+        measured += usize::from(row.lateness.as_ref().is_some_and(|l| l.lateness.is_some()));
     }
-    assert!(told > 1);
+    assert!(measured > 1);
     let text = words(&text(&site(&record), "index.html"));
     assert!(
         text.contains("Log the IMU")
-            && text.contains(&format!("{told} flights show how far position and velocity are apart")),
+            && text.contains(&format!("{measured} flights show how far position and velocity are apart")),
         "{text}"
     );
 }

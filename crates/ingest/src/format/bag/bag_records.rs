@@ -84,7 +84,7 @@ impl<'b, 't, 'c> Records<'b, 't, 'c> {
     /// Ends the last bag. Returns the number of messages without a connection.
     pub(super) fn finish(mut self) -> u64 {
         self.end_bag(self.bags == 0);
-        crate::format::tell_logs(self.name, self.bags, self.notices);
+        crate::format::report_logs(self.name, self.bags, self.notices);
         self.undecodable
     }
 

@@ -2,7 +2,7 @@
 
 use super::bag_record::Fields;
 use crate::decode::{Definition, MD5_OF_NOTHING, Route, Tally, Times, Topics};
-use crate::format::tell_unplaced;
+use crate::format::report_unplaced;
 use crate::reader::Extra;
 use crate::table::TopicInfo;
 use flight::{Code, Notices};
@@ -109,8 +109,8 @@ impl<'b, 't> Connections<'b, 't> {
     pub(super) fn end(&mut self, file: &str, notices: &mut Notices) -> u64 {
         let (unplaced, redefined) = (std::mem::take(&mut self.unplaced), std::mem::take(&mut self.redefined));
         (self.known, self.definition_bytes) = Default::default();
-        tell_unplaced(&unplaced, file, notices);
-        redefined.tell(Code::Redefined, file, "connections were replaced by others with the same number", notices);
+        report_unplaced(&unplaced, file, notices);
+        redefined.report(Code::Redefined, file, "connections were replaced by others with the same number", notices);
         unplaced.count
     }
 }

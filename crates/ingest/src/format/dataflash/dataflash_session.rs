@@ -4,7 +4,7 @@ use super::dataflash_record::{Body, FMT_ID, FMT_LENGTH, Field, Format, TimeField
 use super::dataflash_vehicle::Vehicle;
 use super::units::Units;
 use crate::decode::{Route, Tally, Times, Topics};
-use crate::format::tell_too_many_topics;
+use crate::format::report_too_many_topics;
 use crate::reader::{Log, Restart};
 use crate::table::TopicInfo;
 use flight::{Code, NANOS_PER_SECOND, Notices, Severity};
@@ -295,7 +295,7 @@ impl<'t, 'w> Session<'t, 'w> {
         let (role, raw_ns) = (kind.role, kind.format.time.and_then(|time| time.read(&kind.format, body)));
         let logged_ns = self.clock.stamp(raw_ns, &self.file);
         if role != Role::Samples {
-            self.tell(role, index, body, logged_ns)?;
+            self.observe(role, index, body, logged_ns)?;
         }
         let Some(kind) = self.types.get_mut(index) else { return Ok(Fate::Skipped) };
         let Some(route) = kind.way(body, self.topics) else {
@@ -314,7 +314,7 @@ impl<'t, 'w> Session<'t, 'w> {
     }
 
     /// Records what a record says about the log.
-    fn tell(&mut self, role: Role, index: usize, body: Body<'_>, at_ns: i64) -> Result<(), String> {
+    fn observe(&mut self, role: Role, index: usize, body: Body<'_>, at_ns: i64) -> Result<(), String> {
         let Some(format) = self.types.get(index).map(|t| &t.format) else { return Ok(()) };
         let integer = |name: &str| format.field(name).and_then(|field| body.integer(format, field));
         let number = |name: &str| format.field(name).and_then(|field| body.number(format, field));
@@ -428,21 +428,21 @@ impl<'t, 'w> Session<'t, 'w> {
         let file = self.file.as_str();
         let [used, unused] = self.redefinitions();
         let text = "types were redefined differently; later records are read with the new definition";
-        used.tell(Code::Redefined.at(Severity::Loss), file, text, notices);
+        used.report(Code::Redefined.at(Severity::Loss), file, text, notices);
         let text = "types were redefined differently, but neither the old nor the new type has records";
-        unused.tell(Code::Redefined.at(Severity::Info), file, text, notices);
-        self.misfits.tell(Code::Undecodable, file, "records do not have the length of their definition", notices);
-        tell_too_many_topics(&self.unplaced, "records", file, notices);
+        unused.report(Code::Redefined.at(Severity::Info), file, text, notices);
+        self.misfits.report(Code::Undecodable, file, "records do not have the length of their definition", notices);
+        report_too_many_topics(&self.unplaced, "records", file, notices);
         let text = "the field that distinguishes instances was defined only after the first records, so these are in \
             one topic";
-        self.late_instances.tell(Code::Redefined, file, text, notices);
+        self.late_instances.report(Code::Redefined, file, text, notices);
         let text = "units and instances were stated before their type, twice and differently (the first statement is \
             used), or for another number of fields; they may belong to another type";
-        self.other_units.tell(Code::Redefined, file, text, notices);
+        self.other_units.report(Code::Redefined, file, text, notices);
         let text = "the clock restarts within the file; the timestamps after it continue as if ten seconds had \
             passed";
-        self.clock.moved.tell(Code::SeveralSessions, file, text, notices);
-        self.clock.back.tell(Code::UnreliableStamps, file, "the clock steps back by more than a second", notices);
+        self.clock.moved.report(Code::SeveralSessions, file, text, notices);
+        self.clock.back.report(Code::UnreliableStamps, file, "the clock steps back by more than a second", notices);
         log.health.undecodable += self.misfits.count;
         log.health.messages += self.misfits.count;
         log.restarts = self.clock.begun;

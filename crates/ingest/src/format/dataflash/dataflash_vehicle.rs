@@ -314,7 +314,7 @@ mod tests {
 
     #[test]
     fn firmware_with_a_custom_name_is_identified_by_its_build_type() {
-        let told = |text, build| -> [String; 3] {
+        let identity = |text, build| -> [String; 3] {
             let mut vehicle = Vehicle::default();
             vehicle.version(text, build, Some(1063));
             vehicle.mode(0, Some(20), None);
@@ -322,17 +322,20 @@ mod tests {
             [about.system.unwrap_or_default(), about.firmware.unwrap_or_default(), about.modes[0].mode.clone()]
         };
         assert_eq!(
-            told(Some("SurveyBird V4.5.7-3 (0b517cfc)"), Some(3)),
+            identity(Some("SurveyBird V4.5.7-3 (0b517cfc)"), Some(3)),
             ["ArduPlane", "SurveyBird V4.5.7-3 (0b517cfc)", "QLAND"]
         );
-        assert_eq!(told(Some("ArduSub V4.7.0 (0b517cfc)"), Some(7)), ["ArduSub", "V4.7.0 (0b517cfc)", "MOTOR_DETECT"]);
-        assert_eq!(told(Some("SurveyBird V4.3.0"), None), ["", "SurveyBird V4.3.0", "mode 20"]);
+        assert_eq!(
+            identity(Some("ArduSub V4.7.0 (0b517cfc)"), Some(7)),
+            ["ArduSub", "V4.7.0 (0b517cfc)", "MOTOR_DETECT"]
+        );
+        assert_eq!(identity(Some("SurveyBird V4.3.0"), None), ["", "SurveyBird V4.3.0", "mode 20"]);
     }
 
     #[test]
     fn receivers_are_parsed_from_the_texts_of_every_version() {
         let mut vehicle = Vehicle::default();
-        let told = [
+        let receivers = [
             "GPS 1: detected as u-blox at 115200 baud",
             "GPS 1: detected u-blox",
             "GPS 1: probing for u-blox at 230400 baud",
@@ -341,8 +344,8 @@ mod tests {
         for text in ["GPS Glitch", "PreArm: GPS 1: Bad fix", "GPS 1: u-blox solution rate configuration required"] {
             vehicle.message(0, text);
         }
-        told.iter().for_each(|text| vehicle.message(0, text));
-        assert_eq!(vehicle.finish().receivers, told);
+        receivers.iter().for_each(|text| vehicle.message(0, text));
+        assert_eq!(vehicle.finish().receivers, receivers);
     }
 
     #[test]

@@ -95,7 +95,7 @@ pub(super) struct Walk<'w, 'c> {
     page: Vec<u8>,
     link: Vec<u8>,
     row: Vec<u8>,
-    told: u64,
+    reported: u64,
 }
 
 /// What could not be read, and what was found unreferenced.
@@ -133,7 +133,7 @@ impl<'w, 'c> Walk<'w, 'c> {
             page: vec![],
             link: vec![],
             row: vec![],
-            told: 0,
+            reported: 0,
         };
         walk.claim(walk.pages.header.lock_page());
         walk
@@ -537,16 +537,16 @@ impl<'w, 'c> Walk<'w, 'c> {
     fn progress(&mut self, pages: u64) -> Result<(), IngestError> {
         const STEP: u64 = 1 << 20;
         let done = pages * u64::from(self.pages.header.page_bytes);
-        if done >= self.told + STEP {
-            self.context.advance(done - self.told)?;
-            self.told = done;
+        if done >= self.reported + STEP {
+            self.context.advance(done - self.reported)?;
+            self.reported = done;
         }
         Ok(())
     }
 
     /// Bytes that have been reported as read.
-    pub(super) fn told(&self) -> u64 {
-        self.told
+    pub(super) fn reported(&self) -> u64 {
+        self.reported
     }
 
     /// Unreferenced pages that, by `look`, seem to hold rows of a table, by the number of their

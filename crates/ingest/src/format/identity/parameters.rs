@@ -1,6 +1,6 @@
 //! Receivers and lever arms from the parameters of ArduPilot (3.2 to 4.7) and PX4 (1.8 to 1.17).
 
-use super::{Parameters, Receivers, known, note_baud, note_rate, note_text, numbered, versions::tell_ardupilot};
+use super::{Parameters, Receivers, known, note_baud, note_rate, note_text, numbered, versions::report_ardupilot};
 use flight::{LeverArm, ReceiverIdentity};
 
 /// ArduPilot's parameter names for one receiver, since 4.6 and before.
@@ -47,7 +47,7 @@ const TYPES: &[(u32, &str, bool)] = &[
 pub(in crate::format) fn of_ardupilot(parameters: &Parameters<'_>, texts: &[String]) -> Vec<ReceiverIdentity> {
     let mut receivers = Receivers::new();
     let (tried, found): (Vec<&String>, Vec<&String>) = texts.iter().partition(|text| text.contains(" probing for "));
-    found.into_iter().chain(tried).for_each(|text| tell_ardupilot(text, &mut receivers));
+    found.into_iter().chain(tried).for_each(|text| report_ardupilot(text, &mut receivers));
     let mut lines = serial_lines(parameters).into_iter();
     for names in ARDUPILOT {
         let (kind, kind_source) = first_of(parameters, &names.kind).unwrap_or((0.0, names.kind[0]));

@@ -52,7 +52,7 @@ pub(in crate::format) fn of_version(lines: &[String], source: &str, protocol: &s
 
 /// Reads what PX4's driver prints about a u-blox receiver: `INFO  [gps] u-blox firmware version: SPG 5.10`. The line
 /// has no receiver number: with several versions it is unknown which receiver has which.
-pub(in crate::format) fn tell_px4_versions(receivers: &mut [ReceiverIdentity], lines: &[String]) {
+pub(in crate::format) fn report_px4_versions(receivers: &mut [ReceiverIdentity], lines: &[String]) {
     for (key, name, before) in [
         ("u-blox firmware version:", "firmware", ""),
         ("u-blox module:", "model", "u-blox "),
@@ -80,7 +80,7 @@ pub(in crate::format) fn tell_px4_versions(receivers: &mut [ReceiverIdentity], l
 /// Reads a text in which ArduPilot reports what it detected. Its wording in 3.x to 4.7: `GPS 1: detected as u-blox at
 /// 115200 baud`, `GPS 1: detected u-blox`, `GPS 1: probing for u-blox at 230400 baud`, `GPS 2: specified as
 /// DroneCAN1-125`, `u-blox 1 HW: 00040007 SW: 7.03 (45970)`.
-pub(super) fn tell_ardupilot(text: &str, receivers: &mut Receivers) {
+pub(super) fn report_ardupilot(text: &str, receivers: &mut Receivers) {
     let source = format!("text \"{text}\"");
     if let Some((before, versions)) = text.split_once(" HW: ") {
         let number = before.strip_prefix("u-blox ").map(|number| number.trim().parse().unwrap_or(1));
@@ -159,7 +159,7 @@ mod tests {
             "GPS 77: detected as u-blox at 9600 baud",
             "GPS 1: 3D fix",
         ] {
-            tell_ardupilot(text, &mut receivers);
+            report_ardupilot(text, &mut receivers);
         }
         let found: Vec<_> = receivers
             .values()
@@ -180,10 +180,10 @@ mod tests {
             |model: &str| ReceiverIdentity { number: 1, model: Some(model.to_owned()), ..Default::default() };
         let mut receivers = [receiver("u-blox 9"), receiver("Septentrio")];
         let text = "INFO  [gps] u-blox firmware version: SPG 5.10";
-        tell_px4_versions(&mut receivers, &lines(&[text, text]));
+        report_px4_versions(&mut receivers, &lines(&[text, text]));
         assert_eq!(receivers.clone().map(|r| r.firmware), [Some("SPG 5.10".to_owned()), None]);
         let mut receivers = [receiver("u-blox 9")];
-        tell_px4_versions(&mut receivers, &lines(&[text, "INFO  [gps] u-blox firmware version: HPG 1.13"]));
+        report_px4_versions(&mut receivers, &lines(&[text, "INFO  [gps] u-blox firmware version: HPG 1.13"]));
         assert_eq!(receivers[0].firmware, None);
     }
 }

@@ -96,7 +96,7 @@ impl<'b, 'c, V: Visit> Records<'b, 'c, V> {
     /// Ends the last log.
     pub(super) fn finish(mut self, file: &mut LogFile) -> Result<(), ScanError> {
         self.end_log(file, self.logs == 0)?;
-        crate::format::tell_logs(&self.name, self.logs, self.notices);
+        crate::format::report_logs(&self.name, self.logs, self.notices);
         Ok(())
     }
 
@@ -522,9 +522,9 @@ impl State {
             let text = "the summary at the end does not match its checksum; it was not used";
             notices.push(Code::Corrupt, file, 1, text);
         }
-        self.unknown.tell(Code::UnknownRecord, file, "records of unknown types were skipped", notices);
+        self.unknown.report(Code::UnknownRecord, file, "records of unknown types were skipped", notices);
         let text = "records of private types of an application were skipped";
-        self.private.tell(Code::UnknownRecord.at(Severity::Info), file, text, notices);
+        self.private.report(Code::UnknownRecord.at(Severity::Info), file, text, notices);
         if self.without_crc > 0 {
             let text = "chunks have no checksum: their content cannot be verified";
             notices.push(Code::NoChecksum.at(Severity::Info), file, self.without_crc, text);

@@ -7,7 +7,7 @@ use super::talkers;
 use crate::civil::calendar_to_unix_ns;
 use crate::decode::{Route, Tally, Times, Topics, Vouch};
 use crate::format::identity::of_version;
-use crate::format::tell_too_many_topics;
+use crate::format::report_too_many_topics;
 use crate::reader::Log;
 use crate::table::{Column, ColumnData, TopicInfo};
 use crate::time::{SaidDates, Since};
@@ -175,15 +175,15 @@ impl Session {
             Some(_) => "sentences before the first date are dated backwards from it",
             None => "sentences have no date: the log has no RMC with a valid fix and no ZDA",
         };
-        self.early.tell(Code::Undated, "", text, notices);
+        self.early.report(Code::Undated, "", text, notices);
         let text = "sentences before the first time, because the log begins inside an epoch: they are not used";
-        self.headless.tell(Code::Undated, "", text, notices);
+        self.headless.report(Code::Undated, "", text, notices);
         let text = "sentences without a time come after damage, or where the receiver lost the time; the sentences \
             before them may be of another epoch. They are not used";
-        self.broken.tell(Code::Undated.at(Severity::Warning), "", text, notices);
+        self.broken.report(Code::Undated.at(Severity::Warning), "", text, notices);
         let text = "sentences lack the time that their type should have: they cannot be dated";
-        self.timeless.tell(Code::Undecodable, "", text, notices);
-        tell_too_many_topics(&self.unplaced, "sentences", "", notices);
+        self.timeless.report(Code::Undecodable, "", text, notices);
+        report_too_many_topics(&self.unplaced, "sentences", "", notices);
         if let Some((text, dates)) = self.age.suspicion() {
             notices.push(Code::DateInferred.at(Severity::Warning), "", dates, text);
         }

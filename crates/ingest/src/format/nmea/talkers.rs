@@ -22,7 +22,7 @@ pub(super) fn unite(log: &mut Log) {
     ours.into_iter().for_each(|table| by_type.entry(table.topic.type_name.clone()).or_default().push(table));
     for (name, said) in by_type {
         let speech = if said.len() < 2 { Speech::AtOnce } else { Speech::of(&said) };
-        tell(&name, speech, &said, &mut log.notices);
+        report(&name, speech, &said, &mut log.notices);
         if speech == Speech::InTurn {
             of_health(&name, &said, log);
             tables.push(united(name, &said));
@@ -82,7 +82,7 @@ fn talker(table: &Table) -> &str {
     table.topic.name.strip_suffix(&table.topic.type_name).unwrap_or_default()
 }
 
-fn tell(name: &str, speech: Speech, tables: &[Table], notices: &mut Notices) {
+fn report(name: &str, speech: Speech, tables: &[Table], notices: &mut Notices) {
     let said: Vec<String> = tables.iter().map(|table| format!("{} ({})", table.topic.name, table.rows)).collect();
     let (said, rows) = (said.join(", "), tables.iter().map(|table| table.rows as u64).sum());
     let mut say = |what: Graded, text| notices.push(what, name, rows, text);

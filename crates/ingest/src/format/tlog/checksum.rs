@@ -20,13 +20,13 @@ impl Checksum {
         more.0
     }
 
-    /// The byte that makes this checksum `told`, if there is one.
-    pub(super) fn extra_of(self, told: u16) -> Option<u8> {
+    /// The byte that makes this checksum `stored`, if there is one.
+    pub(super) fn extra_of(self, stored: u16) -> Option<u8> {
         // The inverse of `step`; the upper byte is all the information needed.
-        let [_, high] = (told ^ (self.0 >> 8)).to_le_bytes();
+        let [_, high] = (stored ^ (self.0 >> 8)).to_le_bytes();
         let low = high ^ (high >> 5);
         let extra = low ^ (low << 4) ^ self.0 as u8;
-        (self.with(extra) == told).then_some(extra)
+        (self.with(extra) == stored).then_some(extra)
     }
 
     pub(super) fn value(self) -> u16 {
@@ -57,8 +57,10 @@ mod tests {
     fn every_byte_is_recovered_from_the_checksum_it_makes() {
         for sum in [0, 1, 0x1234, 0xffff, 0x8a5f] {
             let made = (0..=u8::MAX).map(|extra| Checksum(sum).with(extra));
-            assert!((0..=u8::MAX).zip(made.clone()).all(|(extra, told)| Checksum(sum).extra_of(told) == Some(extra)));
-            let other = made.clone().fold(0, |other, told| if told == other { other + 1 } else { other });
+            assert!(
+                (0..=u8::MAX).zip(made.clone()).all(|(extra, stored)| Checksum(sum).extra_of(stored) == Some(extra))
+            );
+            let other = made.clone().fold(0, |other, stored| if stored == other { other + 1 } else { other });
             let possible: Vec<u16> = made.collect();
             assert_eq!(Checksum(sum).extra_of(other).is_some(), possible.contains(&other));
         }

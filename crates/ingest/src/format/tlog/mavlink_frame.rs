@@ -126,7 +126,7 @@ impl<'b> Frame<'b> {
         let length = head.length();
         let (checked, rest) =
             bytes.get(..length).and_then(|b| b.split_at_checked(head.checked())).ok_or(NoFrame::Cut)?;
-        let told = rest.first_chunk().map(|two| u16::from_le_bytes(*two)).ok_or(NoFrame::Cut)?;
+        let stored = rest.first_chunk().map(|two| u16::from_le_bytes(*two)).ok_or(NoFrame::Cut)?;
         let mut checksum = Checksum::new();
         checksum.add(checked.get(1..).unwrap_or_default());
         let definition = Definitions::all().get(head.message);
@@ -139,8 +139,8 @@ impl<'b> Frame<'b> {
             payload: checked.get(head.header..).unwrap_or_default(),
             length,
             intact: match definition {
-                Some(definition) => Some(checksum.with(definition.extra) == told),
-                None => checksum.extra_of(told).is_none().then_some(false),
+                Some(definition) => Some(checksum.with(definition.extra) == stored),
+                None => checksum.extra_of(stored).is_none().then_some(false),
             },
         })
     }

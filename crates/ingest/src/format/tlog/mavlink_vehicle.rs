@@ -61,7 +61,7 @@ impl Vehicle {
     }
 
     /// Takes a message; its payload has the length of its definition.
-    pub(super) fn tell(&mut self, message: u32, payload: &[u8], at_ns: i64) {
+    pub(super) fn observe(&mut self, message: u32, payload: &[u8], at_ns: i64) {
         match message {
             HEARTBEAT => self.heartbeat(payload, at_ns),
             PARAM_VALUE => self.parameter(payload, at_ns),
@@ -257,8 +257,8 @@ mod tests {
     fn integer_parameters_are_floats_from_ardupilot_and_bits_from_px4() {
         let about = |autopilot, bits: [u8; 4], name| {
             let mut vehicle = Vehicle::new(Clock::Unix);
-            vehicle.tell(HEARTBEAT, &[0, 0, 0, 0, 2, autopilot, 0, 4, 3], 0);
-            vehicle.tell(PARAM_VALUE, &parameter(name, bits, 6), 1);
+            vehicle.observe(HEARTBEAT, &[0, 0, 0, 0, 2, autopilot, 0, 4, 3], 0);
+            vehicle.observe(PARAM_VALUE, &parameter(name, bits, 6), 1);
             vehicle.finish().configured_delays[0].value_s
         };
         assert_eq!(about(ARDUPILOT, 220_f32.to_le_bytes(), "GPS_DELAY_MS"), 0.22);
@@ -269,9 +269,9 @@ mod tests {
     fn parameters_of_either_autopilot_give_receiver_and_antenna() {
         let about = |autopilot, parameters: &[(&str, f32)]| {
             let mut vehicle = Vehicle::new(Clock::Unix);
-            vehicle.tell(HEARTBEAT, &[0, 0, 0, 0, 2, autopilot, 0, 4, 3], 0);
+            vehicle.observe(HEARTBEAT, &[0, 0, 0, 0, 2, autopilot, 0, 4, 3], 0);
             for (name, value) in parameters {
-                vehicle.tell(PARAM_VALUE, &parameter(name, value.to_le_bytes(), 9), 1);
+                vehicle.observe(PARAM_VALUE, &parameter(name, value.to_le_bytes(), 9), 1);
             }
             vehicle.finish()
         };
@@ -287,7 +287,7 @@ mod tests {
     fn a_parameter_change_is_reported_with_its_time() {
         let mut vehicle = Vehicle::new(Clock::Unix);
         for (value, at_ns) in [(0.25_f32, 5_000_000_000), (0.25, 6_000_000_000), (0.5, 7_250_000_000)] {
-            vehicle.tell(PARAM_VALUE, &parameter("A", value.to_le_bytes(), 9), at_ns);
+            vehicle.observe(PARAM_VALUE, &parameter("A", value.to_le_bytes(), 9), at_ns);
         }
         assert_eq!(vehicle.finish().parameter_changes, ["A at 1970-01-01 00:00:07.250 UTC: 0.25 to 0.5"]);
     }
@@ -300,9 +300,9 @@ mod tests {
             field.resize(50, 0);
             [&[6][..], &field, &id.to_le_bytes(), &[0]].concat()
         };
-        vehicle.tell(STATUSTEXT, &part(0, "ArduPlane V4.5.7 (0a1b2c3d)"), 5_000_000_000);
-        vehicle.tell(STATUSTEXT, &part(3, &"x".repeat(50)), 6_000_000_000);
-        vehicle.tell(STATUSTEXT, &part(3, "y"), 6_000_000_000);
+        vehicle.observe(STATUSTEXT, &part(0, "ArduPlane V4.5.7 (0a1b2c3d)"), 5_000_000_000);
+        vehicle.observe(STATUSTEXT, &part(3, &"x".repeat(50)), 6_000_000_000);
+        vehicle.observe(STATUSTEXT, &part(3, "y"), 6_000_000_000);
         let about = vehicle.finish();
         assert_eq!(about.firmware.as_deref(), Some("V4.5.7 (0a1b2c3d)"));
         assert_eq!(about.texts[1], format!("1970-01-01 00:00:06.000 UTC: {}y", "x".repeat(50)));

@@ -7,7 +7,7 @@ use super::mavlink_frame::{Frame, Sender};
 use super::mavlink_vehicle::Vehicle;
 use crate::decode::cells::{CellKind, CellLayout, push_hex};
 use crate::decode::{Route, Tally, Times, Topics, Vouch};
-use crate::format::tell_too_many_topics;
+use crate::format::report_too_many_topics;
 use crate::reader::Log;
 use crate::table::{PAYLOAD_HEX, TopicInfo};
 use flight::{Clock, Code, Notices, Severity};
@@ -160,7 +160,7 @@ impl<'b, 't> Session<'b, 't> {
         self.restored.resize(frame.payload.len().max(length), 0);
         if sender == self.main {
             if run.is_none() {
-                self.vehicle.tell(frame.message, &self.restored, logged_ns);
+                self.vehicle.observe(frame.message, &self.restored, logged_ns);
             }
             let came = if self.stamped { logged_ns } else { place as i64 };
             self.boot.message(definition, frame.message, &self.restored, came);
@@ -204,21 +204,21 @@ impl<'b, 't> Session<'b, 't> {
     /// Writes what the log says about its vehicle, and what was wrong with it.
     pub(super) fn finish(self, log: &mut Log, notices: &mut Notices) {
         let text = format!("frames have {FLAGGED}: they are intact, but were not read, as MAVLink requires");
-        self.flagged.tell(Code::UnknownRecord.at(Severity::Loss), "", &text, notices);
-        tell_too_many_topics(&self.unplaced, "messages", "", notices);
+        self.flagged.report(Code::UnknownRecord.at(Severity::Loss), "", &text, notices);
+        report_too_many_topics(&self.unplaced, "messages", "", notices);
         let text = "the receive times of these frames jump away from those of their neighbours and back; times \
             between the neighbours are used instead";
-        self.receive.out_of_line.tell(Code::UnreliableStamps.at(Severity::Loss), "", text, notices);
+        self.receive.out_of_line.report(Code::UnreliableStamps.at(Severity::Loss), "", text, notices);
         let text = "frames have a receive time before 2000 or after 2100: the clock was not set";
-        self.receive.unset.tell(Code::UnreliableStamps, "", text, notices);
+        self.receive.unset.report(Code::UnreliableStamps, "", text, notices);
         let text = "the clock of the receive times was set back";
-        self.receive.set_back.tell(Code::UnreliableStamps, "", text, notices);
+        self.receive.set_back.report(Code::UnreliableStamps, "", text, notices);
         let frames = self.undefined.values().sum();
         if frames > 0 {
             let text = format!("frames of undefined messages were not read: {}", listed(&self.undefined));
             notices.push(Code::UnknownRecord, "", frames, text);
         }
-        crate::format::tell_preamble(self.preamble, notices);
+        crate::format::report_preamble(self.preamble, notices);
         if self.stamped {
             log.restarts = self.boot.finish();
         } else {

@@ -87,14 +87,14 @@ impl Pulse {
         }
     }
 
-    /// GPS week and time of week, ms; otherwise why they are unknown. `told` is the week from the receiver's other
+    /// GPS week and time of week, ms; otherwise why they are unknown. `known_week` is the week from the receiver's other
     /// messages.
-    pub(super) fn gps(self, told: Option<i64>) -> Result<(i64, i64), &'static str> {
+    pub(super) fn gps(self, known_week: Option<i64>) -> Result<(i64, i64), &'static str> {
         let count_ms = i64::from(self.week) * WEEK_MS + i64::from(self.tow_ms);
-        let is_told = |week: i64| told.is_some_and(|told| (week - told).abs() <= 1);
+        let is_known = |week: i64| known_week.is_some_and(|known_week| (week - known_week).abs() <= 1);
         let ahead_ms = match self.base {
             Base::Of(System::BeiDou) => BEIDOU_MS,
-            Base::Of(System::Galileo) if is_told(i64::from(self.week) + GALILEO_WEEKS) => GALILEO_WEEKS * WEEK_MS,
+            Base::Of(System::Galileo) if is_known(i64::from(self.week) + GALILEO_WEEKS) => GALILEO_WEEKS * WEEK_MS,
             Base::Of(System::Gps | System::Galileo) => 0,
             Base::Utc => 1000 * leaps_s(count_ms),
             Base::Of(System::Glonass) => return Err("in GLONASS time"),
@@ -124,37 +124,37 @@ pub(super) struct Pulses {
 }
 
 impl Pulses {
-    /// A pulse that the receiver emits; GPS week and time of week, ms, or 0 for both. `told` is the week from other
+    /// A pulse that the receiver emits; GPS week and time of week, ms, or 0 for both. `known_week` is the week from other
     /// messages.
-    pub(super) fn given(&mut self, pulse: Pulse, told: Option<i64>) -> (i64, i64) {
+    pub(super) fn given(&mut self, pulse: Pulse, known_week: Option<i64>) -> (i64, i64) {
         self.system = pulse.system().or(self.system);
         self.first = self.first.or(self.system);
-        self.time(pulse, told, "TIM-TP")
+        self.time(pulse, known_week, "TIM-TP")
     }
 
     /// A pulse that the receiver receives, from the fields of `TIM-TM2`.
-    pub(super) fn taken(&mut self, week: u16, tow_ms: u32, flags: u8, told: Option<i64>) -> (i64, i64) {
+    pub(super) fn taken(&mut self, week: u16, tow_ms: u32, flags: u8, known_week: Option<i64>) -> (i64, i64) {
         let pulse = Pulse::marked(week, tow_ms, flags, self.system.unwrap_or_default());
         if self.first.is_none() {
             self.early.push(pulse);
         }
-        self.time(pulse, told, "TIM-TM2")
+        self.time(pulse, known_week, "TIM-TM2")
     }
 
-    fn time(&mut self, pulse: Pulse, told: Option<i64>, name: &str) -> (i64, i64) {
-        pulse.gps(told).unwrap_or_else(|why| {
+    fn time(&mut self, pulse: Pulse, known_week: Option<i64>, name: &str) -> (i64, i64) {
+        pulse.gps(known_week).unwrap_or_else(|why| {
             self.untimed.add(|| format!("{name}, {why}"));
             (0, 0)
         })
     }
 
     /// The times of the first rows of TIM-TM2, by the TIM-TP after them; `None` for one that is kept.
-    pub(super) fn early(&mut self, told: Option<i64>) -> EarlyMarks {
+    pub(super) fn early(&mut self, known_week: Option<i64>) -> EarlyMarks {
         let Some(system) = self.first.filter(|system| *system != System::Gps) else { return EarlyMarks::default() };
         let early = std::mem::take(&mut self.early).into_iter();
         let anew = early.map(|pulse| {
             let is_of_system = matches!(pulse.base, Base::Of(_));
-            is_of_system.then(|| self.time(Pulse { base: Base::Of(system), ..pulse }, told, "TIM-TM2"))
+            is_of_system.then(|| self.time(Pulse { base: Base::Of(system), ..pulse }, known_week, "TIM-TM2"))
         });
         EarlyMarks(anew.collect())
     }

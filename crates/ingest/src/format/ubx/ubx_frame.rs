@@ -27,9 +27,9 @@ impl<'b> Frame<'b> {
         let (head, rest) = bytes.split_at_checked(HEADER).ok_or(CUT)?;
         let payload = rest.get(..length - HEADER - CHECKSUM).ok_or(CUT)?;
         let checked = bytes.get(SYNC.len()..length - CHECKSUM).ok_or(CUT)?;
-        let told = bytes.get(length - CHECKSUM..length).ok_or(CUT)?;
+        let stored = bytes.get(length - CHECKSUM..length).ok_or(CUT)?;
         match *head {
-            [_, _, class, number, ..] if told == fletcher(checked) => Ok(Frame { class, number, payload, length }),
+            [_, _, class, number, ..] if stored == fletcher(checked) => Ok(Frame { class, number, payload, length }),
             _ => Err(WRONG),
         }
     }
@@ -77,8 +77,8 @@ pub(super) fn stated_rtcm_length(bytes: &[u8]) -> Option<usize> {
 /// Length of the intact RTCM 3 frame at the start of the bytes.
 pub(super) fn rtcm_length(bytes: &[u8]) -> Option<usize> {
     let length = stated_rtcm_length(bytes)?;
-    let (checked, told) = bytes.get(..length)?.split_last_chunk::<3>()?;
-    (crc24(checked).to_be_bytes().get(1..) == Some(told)).then_some(length)
+    let (checked, stored) = bytes.get(..length)?.split_last_chunk::<3>()?;
+    (crc24(checked).to_be_bytes().get(1..) == Some(stored)).then_some(length)
 }
 
 fn crc24(bytes: &[u8]) -> u32 {

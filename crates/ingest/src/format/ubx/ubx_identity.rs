@@ -15,7 +15,7 @@ pub(super) struct Identity {
 
 impl Identity {
     /// Takes a message of this class and number.
-    pub(super) fn tell(&mut self, key: (u8, u8), payload: &[u8]) {
+    pub(super) fn observe(&mut self, key: (u8, u8), payload: &[u8]) {
         match key {
             (0x0a, 0x04) if self.lines.is_empty() => self.lines = version_lines(payload),
             (0x27, 0x03) if self.serial.is_none() => self.serial = unique_number(payload),
@@ -83,11 +83,11 @@ mod tests {
     fn identity_and_configuration_are_read_from_the_messages() {
         let mut identity = Identity::default();
         let version = [field("EXT CORE 3.01 (107900)", 30), field("00080000", 10), field("MOD=NEO-M8N-0", 30)].concat();
-        identity.tell((0x0a, 0x04), &version);
-        identity.tell((0x27, 0x03), &[1, 0, 0, 0, 0xd0, 1, 2, 3, 4]);
-        identity.tell((0x06, 0x08), &[100, 0, 2, 0, 1, 0]);
+        identity.observe((0x0a, 0x04), &version);
+        identity.observe((0x27, 0x03), &[1, 0, 0, 0, 0xd0, 1, 2, 3, 4]);
+        identity.observe((0x06, 0x08), &[100, 0, 2, 0, 1, 0]);
         let port = [&[1, 0, 0, 0][..], &[0; 4], &115_200_u32.to_le_bytes(), &[0; 8]].concat();
-        identity.tell((0x06, 0x00), &port);
+        identity.observe((0x06, 0x00), &port);
         let [receiver] = &identity.finish()[..] else { panic!() };
         assert_eq!(receiver.model.as_deref(), Some("NEO-M8N-0"));
         assert_eq!(receiver.firmware.as_deref(), Some("EXT CORE 3.01 (107900)"));
@@ -103,7 +103,7 @@ mod tests {
         let mut identity = Identity::default();
         for key in [(0x0a, 0x04), (0x27, 0x03), (0x06, 0x08), (0x06, 0x00)] {
             for length in 0..40 {
-                identity.tell(key, &vec![0; length]);
+                identity.observe(key, &vec![0; length]);
             }
         }
         assert_eq!(identity.finish(), []);

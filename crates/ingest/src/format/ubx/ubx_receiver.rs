@@ -53,7 +53,7 @@ const PVT: Since = Since { week: 1669, why: "its messages exist only in receiver
 
 impl Receiver {
     /// Takes a message; returns what is to be prepended to its payload.
-    pub(super) fn tell(&mut self, message: Message, payload: &[u8]) -> Derived {
+    pub(super) fn observe(&mut self, message: Message, payload: &[u8]) -> Derived {
         let read = Read(payload);
         let itow_at = match message.name {
             "NAV-HPPOSLLH" | "NAV-HPPOSECEF" => 4,
@@ -127,13 +127,13 @@ impl Receiver {
 
     /// GPS week and time of week, ms, of a pulse; week 0 if they are unknown.
     fn pulse(&mut self, message: Message, read: Read<'_>) -> (i64, i64) {
-        let told = self.week.map(|(week, _)| week);
+        let known_week = self.week.map(|(week, _)| week);
         match message.name {
             "TIM-TP" => {
                 let (flags, reference) = (read.u8(14), read.u8(15));
-                self.pulses.given(Pulse::predicted(read.u16(12), read.u32(0), flags, reference), told)
+                self.pulses.given(Pulse::predicted(read.u16(12), read.u32(0), flags, reference), known_week)
             }
-            _ => self.pulses.taken(read.u16(4), read.u32(8), read.u8(1), told),
+            _ => self.pulses.taken(read.u16(4), read.u32(8), read.u8(1), known_week),
         }
     }
 
@@ -183,12 +183,12 @@ impl Receiver {
 
     /// The times of marks before the message that states their time base.
     pub(super) fn early_marks(&mut self) -> EarlyMarks {
-        let told = self.week.map(|(week, _)| week);
-        self.pulses.early(told)
+        let known_week = self.week.map(|(week, _)| week);
+        self.pulses.early(known_week)
     }
 
     /// The last known week and time of week, ms.
-    pub(super) fn told(&self) -> Option<(i64, i64)> {
+    pub(super) fn known_time(&self) -> Option<(i64, i64)> {
         self.week
     }
 
@@ -225,7 +225,7 @@ impl Weeks {
     }
 
     /// Whether this week of a message was a placeholder when it came.
-    pub(super) fn is_untold(week: u16) -> bool {
+    pub(super) fn is_unknown(week: u16) -> bool {
         i64::from(week) >= LAST_WEEK
     }
 
@@ -240,13 +240,14 @@ impl Weeks {
         let tables = log.tables.iter_mut().filter(|table| table.topic.encoding == "ubx");
         for column in tables.flat_map(|table| &mut table.columns).filter(|column| column.path == "gps_week") {
             let ColumnData::F64(weeks) = &mut column.data else { continue };
-            let is_untold = |week: &f64| *week >= LAST_WEEK as f64;
-            let is_untimed = |week: &f64| self.are_told() && is_untold(week) && Weeks::run_of(*week as u16) != self.run;
+            let is_unknown = |week: &f64| *week >= LAST_WEEK as f64;
+            let is_untimed =
+                |week: &f64| self.are_told() && is_unknown(week) && Weeks::run_of(*week as u16) != self.run;
             if weeks.iter().any(is_untimed) {
                 let valid = column.valid.get_or_insert_with(|| vec![true; weeks.len()]);
                 valid.iter_mut().zip(weeks.iter()).for_each(|(valid, week)| *valid &= !is_untimed(week));
             }
-            for week in weeks.iter_mut().filter(|week| is_untold(week)) {
+            for week in weeks.iter_mut().filter(|week| is_unknown(week)) {
                 let ahead = self.ahead.filter(|_| !is_untimed(week));
                 *week = ahead.map_or(0.0, |ahead| *week + ahead as f64);
             }
@@ -359,8 +360,8 @@ fn is_timed(name: &str, read: Read<'_>) -> Option<bool> {
 mod tests {
     use super::*;
 
-    fn tell(receiver: &mut Receiver, class: u8, number: u8, payload: &[u8]) -> Derived {
-        receiver.tell(Message::of(class, number).unwrap(), payload)
+    fn observe(receiver: &mut Receiver, class: u8, number: u8, payload: &[u8]) -> Derived {
+        receiver.observe(Message::of(class, number).unwrap(), payload)
     }
 
     fn pvt(itow_ms: u32, year: u16, rest: [u8; 5], valid: u8) -> Vec<u8> {
@@ -374,23 +375,23 @@ mod tests {
     fn the_week_comes_from_the_date_and_increments_on_sunday() {
         let mut receiver = Receiver::default();
         // No week known yet, and a date that is not valid.
-        assert!(Weeks::is_untold(tell(&mut receiver, 1, 2, &[0; 28]).week));
-        assert!(Weeks::is_untold(tell(&mut receiver, 1, 7, &pvt(5, 2026, [11, 21, 23, 59, 42], 1)).week));
+        assert!(Weeks::is_unknown(observe(&mut receiver, 1, 2, &[0; 28]).week));
+        assert!(Weeks::is_unknown(observe(&mut receiver, 1, 7, &pvt(5, 2026, [11, 21, 23, 59, 42], 1)).week));
         assert!(!receiver.weeks.are_told());
         // 2026-11-21 is a Saturday: with 18 leap seconds week 2445 ends at 23:59:42 UTC.
-        let last = tell(&mut receiver, 1, 7, &pvt(604_799_900, 2026, [11, 21, 23, 59, 41], 3));
+        let last = observe(&mut receiver, 1, 7, &pvt(604_799_900, 2026, [11, 21, 23, 59, 41], 3));
         assert_eq!((last.week, last.fix_ok), (2445, true));
         let mut next = [0; 28];
         next[..4].copy_from_slice(&100_u32.to_le_bytes());
-        assert_eq!(tell(&mut receiver, 1, 2, &next).week, 2446);
+        assert_eq!(observe(&mut receiver, 1, 2, &next).week, 2446);
         next[..4].copy_from_slice(&604_799_950_u32.to_le_bytes());
-        assert_eq!(tell(&mut receiver, 1, 2, &next).week, 2445);
+        assert_eq!(observe(&mut receiver, 1, 2, &next).week, 2445);
         // Weeks after the last known one, and epochs that come late.
         for hour in 1..24 * 17 {
             for (back, expected) in [(0, hour), (1, hour - 1)] {
                 let now_ms = 3_600_000 * u64::from(hour - back);
                 next[..4].copy_from_slice(&((now_ms % (WEEK_S as u64 * 1000)) as u32).to_le_bytes());
-                assert_eq!(u32::from(tell(&mut receiver, 1, 2, &next).week), 2446 + expected / (24 * 7), "{hour}");
+                assert_eq!(u32::from(observe(&mut receiver, 1, 2, &next).week), 2446 + expected / (24 * 7), "{hour}");
             }
         }
     }
@@ -404,8 +405,8 @@ mod tests {
         mark[8..12].copy_from_slice(&1000_u32.to_le_bytes());
         let tp = |flags, reference| [&[0; 12][..], &1089_u16.to_le_bytes(), &[flags, reference]].concat();
         let mut week = |pulse: &[u8]| {
-            tell(&mut receiver, 0x0d, 1, pulse);
-            let derived = tell(&mut receiver, 0x0d, 3, &mark);
+            observe(&mut receiver, 0x0d, 1, pulse);
+            let derived = observe(&mut receiver, 0x0d, 3, &mark);
             (derived.week, derived.tow_ms)
         };
         // In GPS time; in BeiDou time; in UTC, which does not show the system; in GLONASS time.
@@ -422,7 +423,7 @@ mod tests {
         payload[12..16].copy_from_slice(&373_412_345_i32.to_le_bytes());
         payload[16..20].copy_from_slice(&12_345_i32.to_le_bytes());
         payload[24..27].copy_from_slice(&[-67_i8 as u8, 89, 4]);
-        let derived = tell(&mut Receiver::default(), 1, 0x14, &payload);
+        let derived = observe(&mut Receiver::default(), 1, 0x14, &payload);
         assert_eq!((derived.place, derived.fix_ok), ([37.341_234_589, -122.031_234_567, 12.3454], true));
     }
 

@@ -1,7 +1,7 @@
 //! What a ULog states about the vehicle: information, parameters, modes and texts.
 
 use super::ulog_record::Entry;
-use crate::format::identity::{lever_arms, of_px4, tell_px4_versions};
+use crate::format::identity::{lever_arms, of_px4, report_px4_versions};
 use flight::{About, Clock, ConfiguredDelay, ModeStart, ReceiverIdentity};
 use std::collections::BTreeMap;
 
@@ -170,7 +170,7 @@ impl Gathered {
         of_px4(&|name| self.parameters.get(name).copied(), &mut receivers);
         let console = self.console.lines().map(str::to_owned);
         let lines: Vec<String> = console.chain(self.texts.iter().cloned()).collect();
-        tell_px4_versions(&mut receivers, &lines);
+        report_px4_versions(&mut receivers, &lines);
         receivers
     }
 

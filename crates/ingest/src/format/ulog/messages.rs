@@ -81,7 +81,7 @@ impl<'f, 'w> Messages<'f, 'w> {
     pub(super) fn finish(mut self) {
         self.end_log();
         self.health.format = format!("ULog {}", self.version);
-        crate::format::tell_logs(self.file, self.logs, self.notices);
+        crate::format::report_logs(self.file, self.logs, self.notices);
     }
 }
 

@@ -9,7 +9,7 @@ use crate::bytes::Bytes;
 use crate::decode::packed::float_of;
 use crate::decode::schema::Number;
 use crate::decode::{Route, Tally, Times, Topics};
-use crate::format::tell_unplaced;
+use crate::format::report_unplaced;
 use crate::table::TopicInfo;
 use flight::{Code, Notices, Severity};
 use logscan::Fate;
@@ -100,12 +100,12 @@ struct Meaning {
     route: Route,
     /// What is wrong with the format, if it cannot be used.
     extent: Result<Extent, Rc<str>>,
-    tells: Option<Tells>,
+    observed: Option<Observed>,
 }
 
 /// What a message says about the vehicle, and the position of the value.
 #[derive(Debug, Clone, Copy)]
-enum Tells {
+enum Observed {
     /// [`STATUS`].
     Mode(usize),
     /// [`RECEIVER`].
@@ -264,13 +264,13 @@ impl<'t, 'w> Session<'t, 'w> {
         let formats = &self.formats;
         let layout = |wanted: &_| extent.clone().and_then(|_| formats.layout(name, wanted));
         let route = self.topics.packed_route(info, formats.identity(name).as_bytes(), layout)?;
-        let tells = match (name, instance) {
-            (topic, 0) if topic == STATUS.0 => formats.place(name, STATUS.1, Number::U8).map(Tells::Mode),
-            (topic, _) if topic == RECEIVER.0 => formats.place(name, RECEIVER.1, Number::U32).map(Tells::Receiver),
+        let observed = match (name, instance) {
+            (topic, 0) if topic == STATUS.0 => formats.place(name, STATUS.1, Number::U8).map(Observed::Mode),
+            (topic, _) if topic == RECEIVER.0 => formats.place(name, RECEIVER.1, Number::U32).map(Observed::Receiver),
             _ => None,
         };
         let Formats { replaced, version, .. } = self.formats;
-        Ok(Meaning { replaced, version, route, extent: extent.map_err(Rc::from), tells })
+        Ok(Meaning { replaced, version, route, extent: extent.map_err(Rc::from), observed })
     }
 
     #[inline]
@@ -284,7 +284,7 @@ impl<'t, 'w> Session<'t, 'w> {
             return Fate::Skipped;
         };
         self.odd.look(known, payload);
-        let Meaning { route, extent, tells, .. } = &known.meaning;
+        let Meaning { route, extent, observed, .. } = &known.meaning;
         let stamp = extent.as_ref().ok().and_then(|extent| extent.stamp);
         let at_us = stamp.and_then(|s| s.read(payload, self.latest_us)).or(self.latest_us).unwrap_or_default();
         if at_us < known.last_us {
@@ -297,8 +297,8 @@ impl<'t, 'w> Session<'t, 'w> {
             self.last_stamp.add(at_us);
         }
         let nanos = |us: u64| i64::try_from(us.saturating_mul(1000)).unwrap_or(i64::MAX);
-        if let Some(tells) = tells {
-            tells.tell(payload, known.instance, nanos(at_us), &mut self.gathered);
+        if let Some(observed) = observed {
+            observed.observe(payload, known.instance, nanos(at_us), &mut self.gathered);
         }
         let logged_ns = nanos(at_us.saturating_add(self.offset_us));
         self.topics.message(*route, Times { logged_ns, published_ns: None }, payload)
@@ -311,8 +311,8 @@ impl<'t, 'w> Session<'t, 'w> {
 
     /// Reports what happened, except damage.
     pub(super) fn conclude(&self, file: &str, notices: &mut Notices) {
-        self.tell_lost(file, notices);
-        self.tell_lenient(file, notices);
+        self.report_lost(file, notices);
+        self.report_lenient(file, notices);
         if self.gathered.not_kept > 0 {
             let text = "more names, or changes of parameters and modes, than are listed";
             notices.push(Code::NotListed, file, self.gathered.not_kept, text);
@@ -324,7 +324,7 @@ impl<'t, 'w> Session<'t, 'w> {
     }
 
     /// Reports what is missing, or was not understood.
-    fn tell_lost(&self, file: &str, notices: &mut Notices) {
+    fn report_lost(&self, file: &str, notices: &mut Notices) {
         let Dropouts { count, total_ms, longest_ms } = self.dropouts;
         if count > 0 {
             let text = format!(
@@ -334,10 +334,10 @@ impl<'t, 'w> Session<'t, 'w> {
             );
             notices.push(Code::Dropout, file, count, text);
         }
-        tell_unplaced(&self.unplaced, file, notices);
-        self.odd.bad_formats.tell(Code::Undecodable, file, "messages with a format that cannot be used", notices);
+        report_unplaced(&self.unplaced, file, notices);
+        self.odd.bad_formats.report(Code::Undecodable, file, "messages with a format that cannot be used", notices);
         let what = Code::UnknownRecord.at(Severity::Loss);
-        self.unknown.tell(what, file, "messages of an unknown type", notices);
+        self.unknown.report(what, file, "messages of an unknown type", notices);
         if self.flags.unknown() {
             let text = "the log states that it uses features that flightlag does not know: what was read may be \
                 wrong";
@@ -346,22 +346,22 @@ impl<'t, 'w> Session<'t, 'w> {
     }
 
     /// Reports irregular data that were read.
-    fn tell_lenient(&self, file: &str, notices: &mut Notices) {
-        self.redefined.tell(Code::Redefined, file, "numbers of topics were reused for other topics", notices);
+    fn report_lenient(&self, file: &str, notices: &mut Notices) {
+        self.redefined.report(Code::Redefined, file, "numbers of topics were reused for other topics", notices);
         if self.formats.replaced > 0 {
             let text = "formats were replaced by others with the same name; each topic is read with the format \
                 before it";
             notices.push(Code::Redefined, file, self.formats.replaced, text);
         }
         let text = "messages with a timestamp earlier than that of the message before";
-        self.back_jumps.tell(Code::UnreliableStamps, file, text, notices);
+        self.back_jumps.report(Code::UnreliableStamps, file, text, notices);
         if let Some(rarer) = self.odd.rarer() {
             let text =
                 "messages with a different padding than all others: they may have been written with another format";
-            rarer.tell(Code::ReadLeniently, file, text, notices);
+            rarer.report(Code::ReadLeniently, file, text, notices);
         }
         let text = "messages without a timestamp get that of the message before";
-        self.odd.without_stamp.tell(Code::Undated.at(Severity::Warning), file, text, notices);
+        self.odd.without_stamp.report(Code::Undated.at(Severity::Warning), file, text, notices);
     }
 }
 
@@ -370,12 +370,14 @@ fn behind_flag(body: &[u8]) -> Option<Entry<'_>> {
     Entry::parse(body.get(1..)?)
 }
 
-impl Tells {
-    fn tell(self, payload: &[u8], instance: u8, at_ns: i64, gathered: &mut Gathered) {
+impl Observed {
+    fn observe(self, payload: &[u8], instance: u8, at_ns: i64, gathered: &mut Gathered) {
         let behind = |offset: usize| Bytes(payload.get(offset..).unwrap_or_default());
         match self {
-            Tells::Mode(offset) => behind(offset).u8().into_iter().for_each(|state| gathered.mode(state, at_ns)),
-            Tells::Receiver(offset) => behind(offset).u32().into_iter().for_each(|id| gathered.receiver(instance, id)),
+            Observed::Mode(offset) => behind(offset).u8().into_iter().for_each(|state| gathered.mode(state, at_ns)),
+            Observed::Receiver(offset) => {
+                behind(offset).u32().into_iter().for_each(|id| gathered.receiver(instance, id))
+            }
         }
     }
 }

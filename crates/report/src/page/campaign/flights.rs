@@ -106,7 +106,7 @@ pub(super) fn pages(record: &CampaignRecord) -> Vec<(String, String)> {
 
 fn table(record: &CampaignRecord, rows: &[&FlightRow], base: &str, reasons: &Reasons<'_>) -> Markup {
     let judged = record.flights.iter().any(|r| r.criteria.is_some());
-    let alarmed = record.flights.iter().any(|r| !told(r).is_empty());
+    let alarmed = record.flights.iter().any(|r| !shown_alarms(r).is_empty());
     let scale = scale(&record.flights);
     let row = |row: &FlightRow| flight_row(row, judged, base, scale, reasons.get(row.flight.as_str()));
     html! {
@@ -157,8 +157,8 @@ fn head(judged: bool, alarmed: bool) -> Vec<Column> {
 }
 
 fn flight_row(row: &FlightRow, judged: bool, base: &str, scale: Scale, reasons: Option<&String>) -> Markup {
-    let told = told(row);
-    let codes: Vec<&str> = told.iter().map(|a| a.code.as_str()).collect();
+    let alarms = shown_alarms(row);
+    let codes: Vec<&str> = alarms.iter().map(|a| a.code.as_str()).collect();
     let group = row.lateness.as_ref().map_or("", |l| l.group.name.as_str());
     html! {
         tr data-alarm=[Some(codes.join(" ")).filter(|t| !t.is_empty())]
@@ -172,7 +172,7 @@ fn flight_row(row: &FlightRow, judged: bool, base: &str, scale: Scale, reasons: 
             (lateness::effect_cells(row))
             td.w data-v=(data_rank(row)) { (data_word(row)) }
             @if judged { (criteria::cell(row)) }
-            td.w data-v=(told.len()) { (lateness::alarm_badges(&told)) }
+            td.w data-v=(alarms.len()) { (lateness::alarm_badges(&alarms)) }
             td { (or_dash(Some(group).filter(|g| !g.is_empty()))) }
             (lateness::kind_cells(row))
             td { (or_dash(row.delay_from.map(source_word))) }
@@ -192,7 +192,7 @@ fn flight_row(row: &FlightRow, judged: bool, base: &str, scale: Scale, reasons: 
 }
 
 /// Alarms of a flight, except grey ones.
-fn told(row: &FlightRow) -> Vec<DelayAlarm> {
+fn shown_alarms(row: &FlightRow) -> Vec<DelayAlarm> {
     let alarms = flight_alarms(row.lateness.as_ref(), row.decision.as_ref());
     alarms.into_iter().filter(|a| a.gravity != Gravity::Grey).collect()
 }
