@@ -4,11 +4,11 @@ use crate::constancy::{Constancy, constancy};
 use crate::curves::component_curves;
 use crate::injection::{inject, not_injected};
 use crate::lag_words::{model, with_model};
+use crate::no_answer::{ambiguous_with, no_answer};
 use crate::overlay::Laid;
 use crate::reference_error::{Sensitivity, with_reference};
 use crate::response::response;
 use crate::sampling::rate_hz;
-use crate::search_window::no_answer;
 use crate::sensed::{Circumstances, SensedChannel, SensedComponent, Updates, measurement};
 use crate::verdict::{Evidence, millis};
 use flight::{Delay, RejectCount};
@@ -24,8 +24,6 @@ use signal::{
 
 /// Lags of the autocorrelation that are shown and tested.
 const ACF_LAGS: usize = 40;
-/// Another minimum within this many units of chi-squared is reported.
-const SECOND_MINIMUM_EXCESS: f64 = 9.0;
 /// Number of points of the objective's curves.
 const OBJECTIVE_POINTS: usize = 251;
 /// The objective near its minimum is drawn up to this many standard uncertainties to either side.
@@ -55,7 +53,8 @@ pub(crate) fn dynamics(channel: &SensedChannel<'_>, bench: &Circumstances<'_>) -
     let reference_std = updates.reference_std(channel);
     found.model = model(&choose_lag_model_against(&measurements, &fit, &settings, &reference_std));
     if let Some(reason) = no_answer(&measurements, &fit, &settings, found.model.found()) {
-        return ChannelDynamics { reason, model: Finding::CannotTell(NOT_TRIED.to_owned()), ..found };
+        let checks = Some(checks(&measurements, &fit, bench.search_s));
+        return ChannelDynamics { reason, checks, model: Finding::CannotTell(NOT_TRIED.to_owned()), ..found };
     }
     let Constancy { finding, change_s } = constancy(&measurements, &fit, &settings, found.model.found());
     let reference_s = bench.errors.of_delay(&measurements, &fit, &updates.sensitivities(channel));
@@ -251,17 +250,11 @@ fn judge(
         return (Verdict::NotMeasurable, unsettled(fit));
     }
     let judgement = evidence(bench, updates, fit, delay.standard_uncertainty_s).judge();
-    let ambiguous = fit.second_minimum.filter(|m| m.excess < SECOND_MINIMUM_EXCESS).map(|m| {
-        format!(
-            "; another delay, {} ms, fits nearly as well: the swing is too regular to decide which",
-            millis(m.delay_s)
-        )
-    });
     let relative = match bench.basis {
         TimeBasis::Anchor { channel } => format!(" (relative to {channel})"),
         _ => String::new(),
     };
-    (judgement.verdict, judgement.reason + &relative + &ambiguous.unwrap_or_default())
+    (judgement.verdict, judgement.reason + &relative)
 }
 
 /// Why delay and noise did not converge, as far as the last round shows it.
@@ -401,7 +394,7 @@ fn checks(measurements: &[Measurement<'_>], fit: &DelayFit, search_s: (f64, f64)
         downweighted_share: fit.downweighted_share,
         outlier_share: outlier_share(fit),
         objective: objective(measurements, fit, search_s),
-        second_minimum_s: fit.second_minimum.filter(|m| m.excess < SECOND_MINIMUM_EXCESS).map(|m| m.delay_s),
+        second_minimum_s: ambiguous_with(fit),
     }
 }
 

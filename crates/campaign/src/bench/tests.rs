@@ -5,7 +5,7 @@ use flight::{Binding, Channel, ChannelSource, Clock, Flight, LogHealth, Quantity
 use ingest::{FlightUnit, Loaded, LogKind};
 use record::Verdict;
 use simulate::{
-    BenchChannel, BenchSettings, Container, LogFile, McapSettings, RigText, SimulatedBench, simulate_bench,
+    BenchChannel, BenchSensor, BenchSettings, Container, LogFile, McapSettings, RigText, SimulatedBench, simulate_bench,
 };
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -214,6 +214,44 @@ fn a_rig_contradicted_by_the_data_affects_the_card_and_the_exit_code() {
     assert!(verdict.notices.iter().any(|n| n.code == "rig-contradicted" && n.place == "pair"), "{:?}", verdict.notices);
     let page = std::fs::read_to_string(verdict.page).unwrap();
     assert!(page.contains("in doubt"));
+}
+
+/// The card of one record of these channels, each with a sensor of its own, and a rig file that is right.
+fn card_of(channels: &[(BenchChannel, BenchSensor)]) -> BenchVerdict {
+    let folder = tempfile::tempdir().unwrap();
+    let names: Vec<BenchChannel> = channels.iter().map(|c| c.0).collect();
+    let settings = BenchSettings { seed: 3, swing_s: 30.0, rest_s: [2.0, 2.0], ..BenchSettings::ins() }.only(&names);
+    let settings =
+        channels.iter().cloned().fold(settings, |settings, (channel, sensor)| settings.with(channel, sensor));
+    let simulated = simulate_bench(&settings).unwrap();
+    put(folder.path(), simulated.files(MCAP(), "swing").unwrap());
+    std::fs::write(folder.path().join("m.rig.toml"), rig(&simulated, "1")).unwrap();
+    go(&order(folder.path(), &["swing.mcap"], "out"), 2).unwrap()
+}
+
+#[test]
+fn a_position_that_could_not_be_measured_ends_with_3() {
+    let velocity = (BenchChannel::VelocityIns, BenchSensor::noisy(100.0, 0.02));
+    let position = |noise_m| (BenchChannel::PositionIns, BenchSensor::noisy(10.0, noise_m));
+    let measured = card_of(&[velocity.clone(), position(0.02)]);
+    assert_eq!((measured.channels().len(), measured.lacks_position, measured.exit()), (2, false, Exit::Well));
+    let lacking = card_of(&[velocity, position(50.0)]);
+    let names: Vec<&str> = lacking.channels().iter().map(|c| c.name.as_str()).collect();
+    assert_eq!(names, ["velocity.ins"]);
+    assert_eq!((lacking.lacks_position, lacking.exit()), (true, Exit::Incomplete));
+    assert!(lacking.rows.iter().all(|row| row.outcome == BenchOutcome::Measured && !row.lossy));
+}
+
+/// Lags that make the circles of position and velocity equally small: both seem to show a bar 15 % shorter.
+#[test]
+fn lagging_channels_do_not_contradict_the_rig_file() {
+    let lagging = |lag_s| BenchSensor { lags_s: vec![lag_s], ..BenchSensor::noisy(100.0, 0.01) };
+    let verdict = card_of(&[(BenchChannel::VelocityIns, lagging(0.153)), (BenchChannel::PositionIns, lagging(0.2))]);
+    assert_eq!(verdict.channels().len(), 2);
+    for channel in verdict.channels() {
+        assert!(channel.contradicted.is_empty(), "{channel:?}");
+    }
+    assert!(!verdict.notices.iter().any(|n| n.code == "rig-contradicted"), "{:?}", verdict.notices);
 }
 
 #[test]

@@ -335,6 +335,9 @@ const WORTH_A_RIVAL: f64 = 12.0;
 /// and least decrease of the residual, m or m/s (rms): less is rounding and interpolation.
 const WORTH_A_RIVAL_RMS: f64 = 1e-3;
 
+/// Two fits closer than this many standard uncertainties have found one minimum.
+const ONE_MINIMUM_U: f64 = 3.0;
+
 /// Residual of a fit, unit of the first channel.
 fn residual_rms(fit: &DelayFit) -> f64 {
     let all = || fit.components.iter().flat_map(|c| &c.residuals);
@@ -356,6 +359,9 @@ fn fit_of_rivals(
         (Ok(fit), Err(_)) | (Err(_), Ok(fit)) => return Ok(fit),
         (Err(error), Err(_)) => return Err(error),
     };
+    if (rival.delay_s - fit.delay_s).abs() < ONE_MINIMUM_U * fit.hessian_s {
+        return Ok(fit);
+    }
     let [here, there] = signal::delay_objective(measurements, &fit, &[fit.delay_s, rival.delay_s])[..] else {
         return Ok(fit);
     };
