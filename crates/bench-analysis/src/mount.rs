@@ -28,10 +28,15 @@ const STATED: &str = "rig file";
 /// A bending bar makes its tip swing further than its length, by less than this share at hand speeds.
 const BENDING: f64 = 0.05;
 
+/// No gyro or attitude has a scale that is wrong by more than this: the encoder's is.
+const ENCODER_TOLERANCE: f64 = 0.05;
+
 /// Input of the checks.
 struct Inputs<'a> {
     /// The rig file states a first mode: the bar is known to bend.
     bends: bool,
+    /// From the rig file.
+    counts_per_rev: Option<f64>,
     around: &'a Surroundings,
     alignment: &'a Alignment,
 }
@@ -46,9 +51,15 @@ pub fn mount_finding(
     swings: &[MagneticSwing],
     channels: &[ChannelDynamics],
 ) -> (MountFinding, Notices) {
-    let inputs = Inputs { bends: rig.bar.first_mode_hz.is_some(), around, alignment };
+    let inputs = Inputs {
+        bends: rig.bar.first_mode_hz.is_some(),
+        counts_per_rev: rig.encoder.counts_per_rev,
+        around,
+        alignment,
+    };
     let detected = detected(&inputs);
-    let mut checks = angle_checks(&inputs);
+    let mut checks: Vec<MountCheck> = alignment.clues.iter().filter_map(|clue| inputs.counts_check(clue)).collect();
+    checks.extend(angle_checks(&inputs));
     for clue in &alignment.clues {
         checks.extend(inputs.checks(clue));
     }
@@ -91,6 +102,24 @@ impl Inputs<'_> {
         let bent = if self.bends { BENDING * of_m } else { 0.0 };
         let of_rig = (fitted.value - stated).abs() > 3.0 * u(&fitted) + tolerance + bent;
         MountCheck { of_rig, ..check(name, "m", fitted, Some(stated), tolerance, text) }
+    }
+
+    /// Counts per revolution according to a gyro or an attitude.
+    fn counts_check(&self, clue: &Clue) -> Option<MountCheck> {
+        let component = match clue.quantity {
+            Quantity::AngularRate => 1,
+            Quantity::Attitude => 0,
+            _ => return None,
+        };
+        let fit = clue.regression(component)?;
+        let scale = fit.coefficients.get(1)?.abs();
+        let stated = self.counts_per_rev.filter(|_| scale > 0.0)?;
+        let counts = stated / scale;
+        let fitted = estimate(counts, counts * fit.standard_uncertainty(1) / scale);
+        let tolerance = ENCODER_TOLERANCE + if self.bends { BENDING } else { 0.0 };
+        let text = "from its scale; a wrong number of lines or a wrong decoding changes it by a factor".to_owned();
+        let name = format!("counts per revolution by {}", clue.name);
+        Some(check(name, "counts", fitted, Some(stated), tolerance * stated, text))
     }
 
     fn checks(&self, clue: &Clue) -> Vec<MountCheck> {

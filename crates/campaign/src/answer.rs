@@ -322,7 +322,7 @@ fn words(out: &FlightLateness, pair: Option<&PairDelay>, over_time: Option<&Dela
         (None, _) => format!("{position} is {value} ms late against {datum}"),
     };
     if let Some(rests_on) = &channel.rests_on {
-        text += &format!(". This is based on {rests_on}");
+        text += &format!(". No other pair checks {}", rests_on.trim_end_matches(", unchecked"));
     }
     if let Some(x) = out.lever_arm_s_per_decimetre {
         text += &format!(". ± {:.0} ms for each 0.1 m of unknown lever arm", 1e3 * x.abs());
@@ -371,16 +371,21 @@ fn receivers_in_words(out: &FlightLateness) -> String {
 
 /// What to fly so that the next log shows what this one does not.
 fn fly(out: &FlightLateness, pair: Option<&PairDelay>, over_time: Option<&DelayOverTime>) -> Option<String> {
-    if out.lateness.is_some() && out.kind != DelayKind::NotTested {
+    // A delay that changes was measured: more flying does not make it one number.
+    if out.kind.varies() || out.lateness.is_some() && out.kind != DelayKind::NotTested {
         return None;
     }
-    over_time.and_then(|o| o.what_to_fly.clone()).or_else(|| match pair.map(|p| &p.delay) {
+    let of_test = over_time.and_then(|o| o.what_to_fly.clone());
+    match pair.map(|p| &p.delay) {
         // With a coarse clock or too few fixes, turns do not help.
-        Some(Finding::CannotTell(why)) if why.contains("turns") || why.contains("circles") => {
-            Some("Fly a minute of turns.".to_owned())
-        }
-        _ => None,
-    })
+        Some(Finding::CannotTell(why)) if out.lateness.is_none() => advice_in(why).map(str::to_owned).or(of_test),
+        _ => of_test,
+    }
+}
+
+/// The sentence of a reason that says what to fly.
+fn advice_in(why: &str) -> Option<&str> {
+    why.split_inclusive(". ").map(str::trim).find(|s| s.contains("turns") || s.contains("circles"))
 }
 
 /// Start of a note about the value in the log.

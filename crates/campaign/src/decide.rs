@@ -7,6 +7,7 @@ use crate::config::Pipeline;
 use crate::delay::in_ms;
 use crate::manifest::Planned;
 use delay_network::{AskedSource, FlightSources, NetworkSettings, PositionLateness, RelativeLateness};
+use flight::Code;
 use record::{
     Decision, DelayAdvice, DelayPool, DelaySource, Estimate, Finding, FlightContent, FlightLateness, FlightRow,
     GroupLateness, NetworkDatum, PoolMean, PoolMember, RemovedDelay, RemovedFrom,
@@ -130,11 +131,20 @@ fn decision_of(asked: DelaySource, removed: &RemovedDelay, lateness: &FlightLate
         words: if from_others { others_words(removed) } else { removed.words.clone() },
         contradicted: removed.contradicted.clone(),
     };
+    if decision.used == Some(DelaySource::Card) && decision.contradicted.is_none() {
+        decision.contradicted = doubt_of_card(lateness);
+    }
     if let (None, Some(Finding::CannotTell(why))) = (decision.used, &lateness.card) {
         decision.words = why.clone();
     }
     refuse_what_is_not_late(&mut decision, lateness);
     decision
+}
+
+/// Why the bench itself doubts the delay on the card.
+fn doubt_of_card(lateness: &FlightLateness) -> Option<String> {
+    let card = lateness.card.as_ref()?.found()?;
+    card.notices.iter().find(|n| n.code == Code::RigContradicted).map(|n| n.text.clone())
 }
 
 /// Text without the number of flights, which is in the campaign's table.
@@ -211,12 +221,13 @@ fn pooled(members: &[(&str, &FlightLateness)], pool: &DelayPool, empty: GroupLat
     let mut words = match described.zip(mean_s) {
         Some((mean, mean_s)) => {
             let of_all = of_all(mean.flights, members);
-            format!("position {} ms late against {against} ({of_all})", in_ms(&mean_s))
+            let [apart, side] = apart(&mean_s, LATE);
+            format!("position {apart} ms {side} against {against} ({of_all})")
         }
         None => {
-            let range = range_ms(own.iter().filter_map(|l| Some(l.lateness_s()?.value)));
+            let range = range(own.iter().filter_map(|l| Some(l.lateness_s()?.value)), LATE);
             let of_all = of_all(pool.flights, members);
-            format!("no common delay: position {range} ms late against {against} ({of_all})")
+            format!("no common delay: position {range} against {against} ({of_all})")
         }
     };
     if described.is_some() && !outliers.is_empty() {
@@ -258,11 +269,25 @@ fn of_all(flights: u32, members: &[(&str, &FlightLateness)]) -> String {
     format!("{flights} of {}", crate::answer::counted(members.len(), "flight"))
 }
 
-/// `190 to 260`: minimum and maximum of some values, s, in ms.
-fn range_ms(seconds: impl Iterator<Item = f64>) -> String {
-    let ms = seconds.map(|s| 1e3 * s);
+/// Words for a negative and a positive delay.
+pub(crate) const LATE: [&str; 2] = ["early", "late"];
+const LATER: [&str; 2] = ["earlier", "later"];
+
+/// Size of a delay in ms with U, and its side: `12.0 ± 3.1`, `early`.
+pub(crate) fn apart<'a>(delay_s: &Estimate, [before, after]: [&'a str; 2]) -> [std::borrow::Cow<'a, str>; 2] {
+    let side = if delay_s.value < 0.0 { before } else { after };
+    [in_ms(&Estimate { value: delay_s.value.abs(), ..*delay_s }).into(), side.into()]
+}
+
+/// Least and greatest of some delays, s: `190 to 260 ms late`, `1 to 27 ms early`, `5 ms early to 12 ms late`.
+fn range(delays_s: impl Iterator<Item = f64>, [before, after]: [&str; 2]) -> String {
+    let ms = delays_s.map(|s| (1e3 * s).round());
     let (low, high) = ms.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), ms| (low.min(ms), high.max(ms)));
-    format!("{low:.0} to {high:.0}")
+    match (low < 0.0, high > 0.0) {
+        (true, true) => format!("{:.0} ms {before} to {high:.0} ms {after}", -low),
+        (true, false) => format!("{:.0} to {:.0} ms {before}", -high, -low),
+        _ => format!("{low:.0} to {high:.0} ms {after}"),
+    }
 }
 
 /// Probability below which flights count as different.
@@ -324,14 +349,13 @@ fn relative_group(members: &[(&str, &FlightLateness)], empty: GroupLateness) -> 
     let mean_s = as_wide_as(&pool.mean_s, pool.half_width_95_s);
     let of_all = of_all(pool.flights, members);
     let words = if pool.difference.is_some_and(|test| test.p < DIFFER_P) {
-        let range = range_ms(flights.iter().map(|flight| flight.lateness_s));
+        let range = range(flights.iter().map(|flight| flight.lateness_s), LATER);
         format!(
-            "no common delay: position {range} ms later than {velocity} ({of_all}); the flights differ by more \
+            "no common delay: position {range} than {velocity} ({of_all}); the flights differ by more \
              than their uncertainties"
         )
     } else {
-        let side = if pool.mean_s.value < 0.0 { "earlier" } else { "later" };
-        let apart = in_ms(&Estimate { value: mean_s.value.abs(), ..mean_s });
+        let [apart, side] = apart(&Estimate { value: pool.mean_s.value, ..mean_s }, LATER);
         format!("position {apart} ms {side} than {velocity} ({of_all}); the lateness of both is unknown")
     };
     GroupLateness {

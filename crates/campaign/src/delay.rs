@@ -115,7 +115,8 @@ impl DelayRule {
         if let (false, Some(delay)) = (swept, decision.delay_s.and_then(Delay::from_seconds)) {
             (found.delay, found.standard_uncertainty_s) = (delay, decision.standard_uncertainty_s);
         }
-        if let Some(contradicted) = &decision.contradicted {
+        let is_new = |text: &&String| !found.notices.iter().any(|n| n.text == **text);
+        if let Some(contradicted) = decision.contradicted.as_ref().filter(is_new) {
             found.notices.push(Code::DelayContradicted, case.position.0, 1, contradicted.clone());
         }
         candidates.swap(0, used);

@@ -147,8 +147,9 @@ pub fn error_words(error: &Estimate) -> String {
     }
 }
 
+/// An error against a reference may come without uncertainty, where the flight is too short for one.
 fn clearly_above(after: &Estimate, best_m: f64) -> bool {
-    after.standard_uncertainty.is_some_and(|u| after.value - SHOWN * u > best_m)
+    after.standard_uncertainty.is_none_or(|u| after.value - SHOWN * u > best_m)
 }
 
 fn ms(s: f64) -> String {

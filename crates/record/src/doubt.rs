@@ -1,7 +1,7 @@
 //! Reasons to doubt the delays of a bench record: one rule for its page, its card and the terminal.
 
-use crate::{BenchRecord, ChannelDynamics, Estimate, Finding, GateCheck, ModelFinding, MountCheck};
-use flight::{Code, fixed};
+use crate::{BenchRecord, ChannelDynamics, Estimate, Finding, GateCheck, ModelFinding, MountCheck, TimeBasis};
+use flight::{Code, Quantity, fixed};
 
 /// Place of the notice that the encoder's sign in the record differs from the rig file.
 pub const ENCODER_SIGN: &str = "encoder sign";
@@ -16,9 +16,12 @@ pub const COUNTS_OR_STAMPS_WRONG: &str = "counts are lost or timestamps jitter";
 /// Start of the reason for doubt, after the name of the record, where the delay is not one number.
 pub const DELAY_CHANGES: &str = "the delay changes over the record";
 
+/// An inertial sensor this much ahead of the encoder shows a wrong clock, s: it cannot know a motion before it happens.
+const EARLY_S: f64 = 0.005;
+
 impl BenchRecord {
-    /// Reasons to doubt every delay of the record, each in words with its size: data that contradict the rig file, or
-    /// an encoder that slipped or scatters. Rig file and encoder affect every reference.
+    /// Reasons to doubt every delay of the record, each in words with its size: data that contradict the rig file, an
+    /// encoder that slipped or scatters, or clocks that differ. Rig file, encoder and clock affect every reference.
     #[must_use]
     pub fn doubts(&self) -> Vec<String> {
         let findings = || self.findings.iter();
@@ -28,7 +31,8 @@ impl BenchRecord {
         let encoder = findings().flat_map(|f| &f.gate.checks).filter(|c| c.is_of_wrong_motion());
         let of_notices = stated.map(|n| n.text.clone());
         let of_gate = encoder.map(|c| format!("{}: {}", c.name, c.text));
-        of_gate.chain(of_notices).chain(checks.map(MountCheck::in_words)).collect()
+        let of_clock = findings().flat_map(|f| &f.channels).filter_map(ChannelDynamics::impossible_lead);
+        of_gate.chain(of_notices).chain(of_clock).chain(checks.map(MountCheck::in_words)).collect()
     }
 }
 
@@ -61,6 +65,22 @@ impl MountCheck {
 }
 
 impl ChannelDynamics {
+    /// Why a gyro or accelerometer that is clearly early shows that the clocks of sensor and encoder differ.
+    fn impossible_lead(&self) -> Option<String> {
+        let is_inertial = matches!(self.quantity, Quantity::AngularRate | Quantity::SpecificForce);
+        let delay = self.delay.as_ref().filter(|_| is_inertial && self.basis == TimeBasis::OneClock)?;
+        let (delay_s, u) = (delay.delay.seconds(), delay.standard_uncertainty_s);
+        (delay_s + 4.0 * u < -EARLY_S).then(|| {
+            format!(
+                "{}: {} ± {} ms, but no gyro or accelerometer is early. The clocks of sensor and encoder differ (set \
+                 clock.shared = false in the rig file), or timestamps are wrong",
+                self.name,
+                fixed(1e3 * delay_s, 1),
+                fixed(2e3 * u, 1)
+            )
+        })
+    }
+
     /// Smallest and largest delay of the windows, s, where the delay significantly changes over the record, so that it
     /// is not one number.
     #[must_use]

@@ -69,6 +69,24 @@ fn a_rig_with_the_sensor_on_the_wrong_side_is_reported() {
     assert_eq!(parts, ["mount", "side of the pivot"]);
 }
 
+/// Former bug: half the counts were a clean card with exit code 0, because a scale was always the sensor's.
+#[test]
+fn a_wrong_number_of_counts_is_shown_by_gyro_and_attitude() {
+    let swing = Swing::by_hand(0.05);
+    let sensor = everything(&swing, &Sensor::upright(0.5));
+    for stated in [1000.0, 8000.0] {
+        let mut rig = rig("", "", "");
+        rig.encoder.counts_per_rev = Some(stated);
+        let (finding, notices) = found(&swing, &sensor, &rig);
+        for name in ["counts per revolution by angular-rate.imu", "counts per revolution by attitude.ins"] {
+            assert!(check(&finding, name).contradicts_rig(), "{stated}: {:?}", check(&finding, name));
+            is(&finding, name, 2000.0, 20.0);
+        }
+        let text = &notices.iter().find(|n| n.code == "rig-contradicted").unwrap().text;
+        assert!(text.starts_with("record and rig file disagree on counts per revolution"), "{text}");
+    }
+}
+
 #[test]
 fn a_correctly_mounted_sensor_passes_every_check() {
     let swing = Swing::by_hand(0.05);

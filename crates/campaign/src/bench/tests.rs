@@ -242,6 +242,17 @@ fn a_position_that_could_not_be_measured_ends_with_3() {
     assert!(lacking.rows.iter().all(|row| row.outcome == BenchOutcome::Measured && !row.lossy));
 }
 
+/// Former bug: a clock 0.2 s off made every channel "early by 200 ms, absolute", with exit code 0.
+#[test]
+fn an_early_gyro_shows_that_the_clocks_differ() {
+    let gyro = |delay_s| (BenchChannel::AngularRate, BenchSensor::noisy(100.0, 0.01).late(delay_s));
+    let velocity = (BenchChannel::VelocityIns, BenchSensor::noisy(100.0, 0.02).late(0.1));
+    assert_eq!(card_of(&[gyro(0.0), velocity.clone()]).exit(), Exit::Well);
+    let verdict = card_of(&[gyro(-0.2), velocity]);
+    assert_eq!(verdict.exit(), Exit::Incomplete);
+    assert!(verdict.channels().iter().all(|c| c.contradicted[0].contains("−200.0 ± ")), "{:?}", verdict.channels());
+}
+
 /// Lags that make the circles of position and velocity equally small: both seem to show a bar 15 % shorter.
 #[test]
 fn lagging_channels_do_not_contradict_the_rig_file() {

@@ -138,6 +138,14 @@ struct Tested<'a> {
     reference: &'a str,
     best_s: Estimate,
     e_n: f64,
+    /// The removed delay leaves clearly more than the smallest possible error: a large U is no agreement.
+    is_short: bool,
+}
+
+impl Tested<'_> {
+    fn agrees(&self) -> bool {
+        self.e_n.abs() <= 1.0 && !self.is_short
+    }
 }
 
 fn tested(record: &FlightRecord) -> Option<Tested<'_>> {
@@ -145,7 +153,8 @@ fn tested(record: &FlightRecord) -> Option<Tested<'_>> {
     let sweep = replay.sweep.as_ref()?;
     let SweepScore::ErrorAgainst(reference) = &sweep.score else { return None };
     let best_s = sweep.optimum.found().filter(|o| o.method == SweepMethod::Jackknife)?.delay_s;
-    Some(Tested { reference, best_s, e_n: replay.choice.as_ref()?.e_n(DelaySource::Sweep)? })
+    let is_short = record.effect.as_ref().is_some_and(|effect| effect.short_by.is_some());
+    Some(Tested { reference, best_s, e_n: replay.choice.as_ref()?.e_n(DelaySource::Sweep)?, is_short })
 }
 
 fn todo(record: &FlightRecord, lateness: &FlightLateness) -> Markup {
@@ -153,7 +162,7 @@ fn todo(record: &FlightRecord, lateness: &FlightLateness) -> Markup {
     let tested = tested(record);
     html! {
         @if let Some(tested) = tested.as_ref().filter(|_| advice.set.is_empty()) {
-            @if tested.e_n.abs() <= 1.0 { "Nothing to set: the delay that was removed agrees with " code { (shown(tested.reference)) } "." }
+            @if tested.agrees() { "Nothing to set: the delay that was removed agrees with " code { (shown(tested.reference)) } "." }
             @else { "Remove " b { (estimate(&in_millis(&tested.best_s))) "\u{a0}ms" } " instead: the error against " code { (shown(tested.reference)) } " is least there." }
         } @else if advice.set.is_empty() && advice.fly.is_none() {
             @match lateness.lateness.as_ref().and_then(|l| l.relative_to.as_deref()) {
@@ -194,7 +203,9 @@ fn removed(record: &FlightRecord, decision: &Decision) -> Markup {
                 ": " (ended(&decision.words))
                 @if let Some(tested) = tested(record) {
                     " The error against " code { (shown(tested.reference)) } " is least at " b { (estimate(&in_millis(&tested.best_s))) "\u{a0}ms" }
-                    @if tested.e_n.abs() <= 1.0 { ", which agrees." } @else { ", which differs (E_n = " (plain(tested.e_n, 2)) ")." }
+                    @if tested.agrees() { ", which agrees." }
+                    @else if tested.is_short { ", and the removed delay leaves a clearly larger error." }
+                    @else { ", which differs (E_n = " (plain(tested.e_n, 2)) ")." }
                 }
                 @if decision.circular { " The delay was found in this flight, so the residual does not show whether it \
                                          is right." }
@@ -222,7 +233,9 @@ fn after_verdict(words: &str) -> &str {
 }
 
 fn kind_words(lateness: &FlightLateness) -> String {
+    let is_relative = lateness.lateness.as_ref().is_some_and(|l| l.relative_to.is_some());
     let words = match lateness.kind {
+        DelayKind::OnTime if is_relative => "nearly at the same time",
         DelayKind::NotTested => "not tested for changes",
         kind => kind.word(),
     };

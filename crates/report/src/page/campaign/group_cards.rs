@@ -233,14 +233,16 @@ fn effects(rows: &[&FlightRow]) -> Markup {
     }
 }
 
-/// How far the removal falls short of the best possible: median over the flights that fall short.
+/// The error in units of the smallest possible one: median over the flights where it is clearly larger.
 fn short(rows: &[&FlightRow]) -> Markup {
     let mut factors: Vec<f64> =
         rows.iter().filter_map(|r| r.effect.as_ref()?.short_by).filter(|f| f.is_finite()).collect();
     factors.sort_unstable_by(f64::total_cmp);
     html! {
         @if let Some(middle) = factors.get(factors.len() / 2) {
-            (number::significant(*middle, 2)) "\u{a0}× short of the best (median of " (number::count(factors.len() as u64)) ")."
+            "The error is " (number::significant(*middle, 2)) " times the smallest possible one ("
+            @if factors.len() > 1 { "median of " (number::count(factors.len() as u64)) " flights" } @else { "1 flight" }
+            ")."
         }
     }
 }

@@ -26,6 +26,7 @@ struct Action {
 pub(super) fn todo(record: &CampaignRecord) -> Markup {
     let mut all: Vec<Action> = record.groups.iter().filter_map(|group| set(group, &record.flights)).collect();
     all.extend(harmed(&record.flights));
+    all.extend(short(record));
     // Actions with equal savings keep this order.
     all.extend(changing(&record.flights));
     all.extend(failed(&record.flights));
@@ -119,6 +120,25 @@ fn harmed(flights: &[FlightRow]) -> Option<Action> {
     (!rows.is_empty()).then(|| Action { saves_m: rows.iter().filter_map(lost).sum(), what })
 }
 
+/// Flights whose removed delay is not the best one, in groups without a setting.
+fn short(record: &CampaignRecord) -> Option<Action> {
+    let groups = record.groups.iter().filter(|group| group.advice.set.is_empty());
+    let rows: Vec<&FlightRow> = groups.flat_map(|group| members(group, &record.flights)).collect();
+    let short_by = |r: &&FlightRow| r.effect.as_ref().filter(|_| !is_harmed(r)).and_then(|e| e.short_by);
+    let rows: Vec<&FlightRow> = rows.into_iter().filter(|r| short_by(r).is_some()).collect();
+    let saved = |r: &&FlightRow| {
+        let effect = r.effect.as_ref()?;
+        Some(effect.error_compensated_m?.value - effect.best_m?)
+    };
+    let least = rows.iter().filter_map(short_by).fold(f64::INFINITY, f64::min);
+    let what = html! {
+        "Remove another delay from " (number::counted(rows.len() as u64, "flight", "flights")) ": the one that was removed leaves "
+        @if rows.len() > 1 { "at least " }
+        (number::significant(least, 2)) " times the smallest possible error. Each page names the best delay: " (names(&rows)) "."
+    };
+    (!rows.is_empty()).then(|| Action { saves_m: rows.iter().filter_map(saved).sum(), what })
+}
+
 fn changing(flights: &[FlightRow]) -> Option<Action> {
     let rows: Vec<&FlightRow> = flights.iter().filter(|r| varies(r)).collect();
     let what = html! {
@@ -149,19 +169,24 @@ fn failed(flights: &[FlightRow]) -> Option<Action> {
     (!rows.is_empty()).then_some(Action { saves_m: 0.0, what })
 }
 
-/// What to fly: the most frequent advice.
+/// What to fly: the most frequent advice. Advice that differs only in its numbers is one advice.
 fn fly(flights: &[FlightRow]) -> Option<Action> {
-    let mut by_advice: BTreeMap<&str, Vec<&FlightRow>> = BTreeMap::new();
+    let mut by_kind: BTreeMap<String, Vec<(&FlightRow, &str)>> = BTreeMap::new();
     for row in flights.iter().filter(|row| row.duplicate_of.is_none()) {
         if let Some(fly) = row.lateness.as_ref().and_then(|l| l.advice.fly.as_deref()) {
-            by_advice.entry(fly).or_default().push(row);
+            let kind = fly.chars().filter(|c| c.is_alphabetic() || *c == ' ').collect();
+            by_kind.entry(kind).or_default().push((row, fly));
         }
     }
-    let (advice, rows) = by_advice.into_iter().max_by_key(|(_, rows)| rows.len())?;
+    let (_, of_kind) = by_kind.into_iter().max_by_key(|(_, rows)| rows.len())?;
+    let advice = of_kind[0].1;
+    let is_same = of_kind.iter().all(|(_, other)| *other == advice);
+    let rows: Vec<&FlightRow> = of_kind.into_iter().map(|(row, _)| row).collect();
     // Advice is also given if the lateness is known but it is unknown whether it changes.
     let lacks = rows.iter().filter(|r| r.lateness.as_ref().is_some_and(|l| l.lateness.is_none())).count();
     let what = html! {
         (ended(advice)) " "
+        @if !is_same { "(The numbers are those of the first flight; each page has its own.) " }
         @if lacks > 0 { (number::counted(lacks as u64, "flight does not", "flights do not")) " show how late the position is" }
         @if lacks > 0 && lacks < rows.len() { "; " }
         @if lacks < rows.len() { (number::counted((rows.len() - lacks) as u64, "flight does not", "flights do not")) " show whether the delay changes" }
