@@ -392,6 +392,15 @@ mod tests {
     use super::*;
 
     #[test]
+    fn the_side_of_a_delay_is_a_word_and_its_size_has_no_sign() {
+        let early = Estimate { value: -0.012, standard_uncertainty: Some(0.0015) };
+        assert_eq!(apart(&early, LATE), ["12.0 ± 3.0", "early"]);
+        assert_eq!(range([0.2, 0.19, 0.26].into_iter(), LATE), "190 to 260 ms late");
+        assert_eq!(range([-0.001, -0.027].into_iter(), LATER), "1 to 27 ms earlier");
+        assert_eq!(range([0.012, -0.005].into_iter(), LATER), "5 ms earlier to 12 ms later");
+    }
+
+    #[test]
     fn an_uncertainty_is_rounded_up_to_a_coarse_grid() {
         for (u, up) in [(0.0078, 0.01), (0.01, 0.01), (0.0101, 0.02), (0.021, 0.05), (0.3, 0.5), (2.0, 2.0)] {
             assert_eq!(rounded_up(u), up, "{u}");

@@ -1,13 +1,13 @@
 //! Wording of a lateness and of a difference, and other consequences of an answer.
 
-use super::{kind_of, other_receivers, receivers_in_words, unknown, words};
+use super::{advice_in, fly, kind_of, other_receivers, receivers_in_words, unknown, words};
 use crate::config::Pipeline;
 use crate::known_lateness::velocity_lateness_s;
 use crate::line::{DelayLine, LineParts};
 use delay_network::{NetworkSettings, PairObservation, lineage_from_name, solve};
 use record::{
-    ChannelLateness, Decision, DelayAdvice, DelayAlarm, DelayKind, DelayPairKind, DelaySetting, DelaySource, Estimate,
-    FlightLateness, Gravity, GroupLateness, NetworkDatum, NetworkVerdict,
+    ChannelLateness, Decision, DelayAdvice, DelayAlarm, DelayKind, DelayOverTime, DelayPairKind, DelaySetting,
+    DelaySource, Estimate, FlightLateness, Gravity, GroupLateness, NetworkDatum, NetworkVerdict,
 };
 
 fn estimate(value: f64, u: f64) -> Estimate {
@@ -53,6 +53,19 @@ fn decision(contradicted: Option<&str>) -> Decision {
         words: String::new(),
         contradicted: contradicted.map(str::to_owned),
     }
+}
+
+/// Former bug: a minute of turns for a step that was measured, and another duration than in the reason.
+#[test]
+fn what_to_fly_is_what_the_reason_says_and_nothing_for_a_delay_that_changes() {
+    let why = "the delay would be known only to ±77 ms. About 4 min of circles at 5 m/s would give ±25 ms.";
+    assert_eq!(advice_in(why), Some("About 4 min of circles at 5 m/s would give ±25 ms."));
+    assert_eq!(advice_in("fewer than 20 fixes"), None);
+    let steps = FlightLateness { kind: DelayKind::Steps, ..unknown("k") };
+    let tested = crate::answer::alarms::tests::over_time(DelayKind::Steps);
+    let tested = DelayOverTime { what_to_fly: Some("Fly 2 minutes of turns.".into()), ..tested };
+    assert_eq!(fly(&steps, None, Some(&tested)), None);
+    assert_eq!(fly(&unknown("k"), None, Some(&tested)).as_deref(), Some("Fly 2 minutes of turns."));
 }
 
 /// The kind is relative to the datum next to it; the sentence names that datum.

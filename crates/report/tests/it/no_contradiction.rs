@@ -131,6 +131,42 @@ fn the_campaign_row_of_a_flight_counts_all_its_alarms() {
     assert!(attention.find("flight-0001") < attention.find("flight-0000"), "{attention}");
 }
 
+/// The text of a campaign's list of things to do.
+fn to_do(campaign: &record::CampaignRecord) -> String {
+    let html = String::from_utf8(campaign_site(campaign, &[]).files["index.html"].clone()).unwrap();
+    words(html.split("<h2 id=\"todo\">").nth(1).unwrap().split("<h2").next().unwrap())
+}
+
+/// Former bug: two of three flights were named, because the advice of the third had another speed.
+#[test]
+fn advice_that_differs_in_its_numbers_is_one_thing_to_do() {
+    let mut campaign = campaign_record(3);
+    for (row, mps) in campaign.flights.iter_mut().zip([9, 10, 10]) {
+        let advice = DelayAdvice { set: vec![], fly: Some(format!("Fly 2 minutes of turns at {mps} m/s.")) };
+        row.lateness = Some(FlightLateness { advice, alarms: vec![], ..lateness() });
+    }
+    let text = to_do(&campaign);
+    assert!(text.contains("3 flights do not show whether the delay changes"), "{text}");
+    assert!(text.contains("each page has its own"), "{text}");
+}
+
+/// Former bug: "Nothing to do", while the pages of the flights said to remove another delay.
+#[test]
+fn a_removed_delay_that_leaves_a_larger_error_is_a_thing_to_do() {
+    let mut campaign = campaign_record(3);
+    campaign.flights[0].effect = Some(record::Effect {
+        verdict: EffectVerdict::Helped,
+        judged_by: record::JudgedBy::Truth("position.truth".into()),
+        error_raw_m: Some(estimate(7.03, 0.1)),
+        error_compensated_m: Some(estimate(3.63, 0.1)),
+        best_m: Some(0.03),
+        short_by: Some(121.0),
+        words: String::new(),
+    });
+    let text = to_do(&campaign);
+    assert!(text.contains("Remove another delay from 1 flight: the one that was removed leaves 121 times"), "{text}");
+}
+
 #[test]
 fn a_flight_that_was_not_replayed_has_no_removed_delay() {
     let parked = FlightRecord {

@@ -8,7 +8,7 @@ use crate::text::{ended, shown};
 use crate::verdict::is_relative;
 use maud::{Markup, html};
 use record::{CampaignRecord, Effect, FlightRow, GroupLateness, Outcome};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Maximum number of lines.
 const MOST: usize = 5;
@@ -122,10 +122,11 @@ fn harmed(flights: &[FlightRow]) -> Option<Action> {
 
 /// Flights whose removed delay is not the best one, in groups without a setting.
 fn short(record: &CampaignRecord) -> Option<Action> {
-    let groups = record.groups.iter().filter(|group| group.advice.set.is_empty());
-    let rows: Vec<&FlightRow> = groups.flat_map(|group| members(group, &record.flights)).collect();
+    let with_setting = record.groups.iter().filter(|group| !group.advice.set.is_empty());
+    let are_set: BTreeSet<&String> = with_setting.flat_map(|group| &group.members).collect();
     let short_by = |r: &&FlightRow| r.effect.as_ref().filter(|_| !is_harmed(r)).and_then(|e| e.short_by);
-    let rows: Vec<&FlightRow> = rows.into_iter().filter(|r| short_by(r).is_some()).collect();
+    let is_short = |r: &&FlightRow| short_by(r).is_some() && !are_set.contains(&r.flight);
+    let rows: Vec<&FlightRow> = record.flights.iter().filter(is_short).collect();
     let saved = |r: &&FlightRow| {
         let effect = r.effect.as_ref()?;
         Some(effect.error_compensated_m?.value - effect.best_m?)
