@@ -10,8 +10,8 @@ use crate::reference_error::{Sensitivity, with_reference};
 use crate::response::response;
 use crate::sampling::rate_hz;
 use crate::sensed::{Circumstances, SensedChannel, SensedComponent, Updates, measurement};
-use crate::verdict::{Evidence, millis};
-use flight::{Delay, RejectCount};
+use crate::verdict::Evidence;
+use flight::{Delay, RejectCount, with_expanded};
 use record::{
     ChannelDynamics, ComponentDynamics, DelayFinding, Estimate, Finding, FitChecks, NoiseFinding, ObjectiveCurve,
     Stationarity, TimeBasis, Verdict,
@@ -263,16 +263,15 @@ fn unsettled(fit: &DelayFit) -> String {
         format!(" Its residual wanders with a time constant of {:.2} s", c.noise.time_constant_s)
     });
     format!(
-        "the fit did not converge: after {} steps, at {} ± {} ms (k = 2), delay and noise still affect each other.{noise}: \
+        "the fit did not converge: after {} steps, at {} ms (k = 2), delay and noise still affect each other.{noise}: \
          the reference is wrong there, or the noise is as strong as the swing",
         fit.iterations,
-        millis(fit.delay_s),
-        millis(2.0 * fit.standard_uncertainty_s)
+        with_expanded(1e3 * fit.delay_s, 2e3 * fit.standard_uncertainty_s)
     )
 }
 
 /// The reason for a row whose true instant is within a gap of the encoder.
-pub(crate) const SILENT: &str = "the encoder has a gap at its true time";
+pub(crate) const SILENT: &str = "the encoder has a gap at the row's true time";
 
 fn in_gaps(updates: &Updates) -> Option<RejectCount> {
     let first = format!("row {}", updates.hidden.first()?);
@@ -285,7 +284,7 @@ fn unused(updates: &Updates, fit: &DelayFit) -> Vec<RejectCount> {
     let first = fit.components.first().and_then(|c| (0..).find(|row| !c.used_rows.contains(row))).unwrap_or(0);
     (outside > 0)
         .then(|| RejectCount {
-            reason: "its true time is outside the part of the encoder's record that is used".to_owned(),
+            reason: "the row's true time is outside the part of the encoder's record that is used".to_owned(),
             count: outside as u64,
             first: format!("update {first}"),
         })

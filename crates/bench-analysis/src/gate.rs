@@ -104,12 +104,18 @@ pub(crate) fn gap_check(motion: &Motion, left_out: u64) -> Option<GateCheck> {
 fn too_few(swings: u64, turned: f64) -> String {
     let turns = (turned / std::f64::consts::TAU).abs();
     if turns < 1.0 {
-        return format!("the record holds {swings} swings; ten or more are needed");
+        return format!("the record holds {}; ten or more are needed", counted(swings));
     }
     format!(
-        "the bar made {turns:.1} full turns and {swings} swings: only swings to and fro are measured. Reverse the bar ten times or \
-         more within the record"
+        "the bar made {turns:.1} full turns and {}: only swings to and fro are measured. Reverse the bar ten times or \
+         more within the record",
+        counted(swings)
     )
+}
+
+/// `1 swing`, `2 swings`.
+fn counted(swings: u64) -> String {
+    format!("{swings} swing{}", if swings == 1 { "" } else { "s" })
 }
 
 fn check(name: &str, passed: bool, text: String) -> GateCheck {
@@ -128,8 +134,12 @@ fn amplitude_check(amplitude: f64, low: f64, high: f64) -> GateCheck {
 }
 
 fn swings_check(swings: u64, [low, high]: [f64; 2]) -> GateCheck {
-    let text = format!("{swings} swings; 90 % of the rate's power lies from {low:.2} to {high:.2} Hz");
-    check("number of swings", swings >= GOOD_SWINGS, text)
+    let passed = swings >= GOOD_SWINGS;
+    let text = match passed {
+        true => format!("{swings} swings; 90 % of the rate's power lies from {low:.2} to {high:.2} Hz"),
+        false => format!("{}; {GOOD_SWINGS} or more are needed", counted(swings)),
+    };
+    check("number of swings", passed, text)
 }
 
 fn encoder_check(motion: &Motion, rms_frequency_hz: f64) -> GateCheck {
@@ -262,6 +272,13 @@ mod tests {
         // 20 s at 0.5 Hz: ten periods, twenty reversals minus the ends.
         assert!((9..=10).contains(&swings(&angles, 1.0)));
         assert_eq!(swings(&[0.3; 50], 0.0), 0);
+    }
+
+    #[test]
+    fn too_few_swings_are_reported_with_the_number_needed() {
+        assert_eq!(swings_check(2, [0.4, 1.2]).text, "2 swings; 10 or more are needed");
+        assert_eq!(swings_check(1, [0.4, 1.2]).text, "1 swing; 10 or more are needed");
+        assert!(swings_check(10, [0.4, 1.2]).passed);
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! The choice between delay and lag as a finding, and in words.
 
 use crate::verdict::millis;
+use flight::with_expanded;
 use record::{Estimate, Finding, ModelCandidate, ModelFinding};
 use signal::{LagCandidate, LagChoice, LagModel, Uncertain};
 
@@ -63,9 +64,9 @@ fn text(choice: &LagChoice, best: &LagCandidate) -> String {
 /// The numbers of the chosen model, if it has a lag: `a first-order lag of 300.1 ± 2.4 ms (k = 2)`.
 pub(crate) fn lag_in_words(model: &ModelFinding) -> Option<String> {
     let chosen = model.candidates.iter().find(|c| Some(&c.name) == model.chosen.as_ref())?;
-    let number = |e: &Estimate| {
-        let u = e.standard_uncertainty.map_or_else(String::new, |u| format!(" ± {}", millis(2.0 * u)));
-        format!("{}{u} ms", millis(e.value))
+    let number = |e: &Estimate| match e.standard_uncertainty {
+        Some(u) => format!("{} ms", with_expanded(1e3 * e.value, 2e3 * u)),
+        None => format!("{} ms", millis(e.value)),
     };
     let lags = match chosen.lags_s.as_slice() {
         [] => return None,

@@ -38,8 +38,18 @@ pub fn export_c(export: &CExport) -> Result<CSource, ExportError> {
     }
 }
 
+/// Keywords of C99, and the names that are types of its library with `_t` appended.
+const RESERVED: [&str; 52] = [
+    "auto", "break", "case", "char", "const", "continue", "default", "do", "double", "else", "enum", "extern", "float",
+    "for", "goto", "if", "inline", "int", "long", "register", "restrict", "return", "short", "signed", "sizeof",
+    "static", "struct", "switch", "typedef", "union", "unsigned", "void", "volatile", "while", "int8", "int16",
+    "int32", "int64", "uint8", "uint16", "uint32", "uint64", "intmax", "uintmax", "intptr", "uintptr", "size", "ssize",
+    "ptrdiff", "wchar", "time", "clock",
+];
+
 fn is_c_name(name: &str) -> bool {
     name.len() <= 31
+        && !RESERVED.contains(&name)
         && name.starts_with(|c: char| c.is_ascii_alphabetic())
         && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
 }

@@ -192,8 +192,8 @@ impl Basis {
         match self.clock() {
             Some(Clock::Unix) => self.in_utc(),
             Some(clock) => format!("{}, clock {clock}, not UTC", self.source()),
-            None if *self == Basis::Begin => format!("{}: their time is unknown", self.source()),
-            None => "only the order of the rows, counted in nanoseconds: their time is unknown".to_owned(),
+            None if *self == Basis::Begin => self.source().to_owned(),
+            None => "only the order of the rows, counted in nanoseconds".to_owned(),
         }
     }
 }
@@ -244,7 +244,11 @@ pub(crate) fn report<'t>(
     }
     for (how, (rows, lent, by_order)) in reported {
         let severity = if by_order { Severity::Warning } else { Severity::Info };
-        let text = format!("the log has no timestamps for these rows; log_time is {how}");
+        let known = match by_order {
+            true => "no timestamp of these rows is known without a channel map; their columns are kept as fields",
+            false => "the log has no timestamps for these rows",
+        };
+        let text = format!("{known}; log_time is {how}");
         let of_topics = topics.get(how).map_or(&[][..], Vec::as_slice);
         notices.push(Code::ValuesReplaced.at(severity), place(of_topics), rows, text);
         if lent > 0 {

@@ -39,7 +39,7 @@ pub use leap::{
     unix_of_gps,
 };
 pub use notice::{Alarm, AlarmEntry, Code, CodeEntry, Graded, Gravity, Notice, Notices, Severity};
-pub use number::{fixed, with_minus};
+pub use number::{decimals_of, fixed, with_expanded, with_minus};
 pub use series::{Series, SeriesError, Timeline};
 pub use time::{Clock, Delay, NANOS_PER_SECOND, Stamp, StampKind, UtcTie};
 pub use unit::{Dimension, Unit, UnknownUnit};

@@ -335,12 +335,9 @@ pub(crate) fn clock_rule_name(rule: campaign::ClockRule) -> &'static str {
 
 /// A delay that a compensator can remove, as far as one is searched.
 fn delay_s(text: &str) -> Result<f64, String> {
-    match text.trim().parse::<f64>() {
-        Ok(seconds) if seconds <= 0.0 => {
-            Err("must be above 0 and at most 30 s: a compensator removes a positive delay".to_owned())
-        }
-        _ => settings::seconds(text, 0.0, 30.0),
-    }
+    let above_zero = |what: String| what.replace("from 0 to 30 s", "above 0 and at most 30 s");
+    let seconds = settings::seconds(text, 0.0, 30.0).map_err(above_zero)?;
+    if seconds > 0.0 { Ok(seconds) } else { Err("must be above 0 and at most 30 s".to_owned()) }
 }
 
 fn positive_s(text: &str) -> Result<f64, String> {
@@ -718,8 +715,9 @@ pub(crate) struct DemoArguments {
 
 #[derive(Debug, Args)]
 pub(crate) struct CompensatorArguments {
-    /// Compensator: pade-1-1-tustin (of the paper), pade-M-N-RULE with M and N up to 4 and RULE zoh, foh, tustin or matched,
-    /// or exact-async, which uses the age of each fix and stores the velocities of that time.
+    /// Compensator: pade-1-1-tustin (of the paper), pade-M-N-RULE (a Padé form) with N from 1 to 8, M from N − 2 to N, and RULE
+    /// zoh, foh, tustin or (for N = 1) matched, or exact-async, which uses the age of each fix and stores the velocities of
+    /// that time.
     #[arg(value_name = "NAME")]
     pub(crate) name: String,
     /// Lateness of the position, s, as `flightlag delay` reports it; positive is late.

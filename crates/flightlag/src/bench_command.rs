@@ -7,7 +7,7 @@ use crate::listen::listener;
 use crate::show::{Table, count, visible};
 use crate::stop::Stop;
 use campaign::{BenchOrder, BenchVerdict, bench_run};
-use flight::Severity;
+use flight::{Severity, fixed};
 use record::{BenchOutcome, CardChannel, CardMagnetometer, Finding, TimeBasis, Verdict};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -97,15 +97,15 @@ fn cells(channel: &CardChannel) -> Vec<String> {
     let digits_of_gain = digits(u_gain);
     let of_gain = |value: f64| match channel.has_lag() {
         true => "-".to_owned(),
-        false => format!("{value:.digits_of_gain$}"),
+        false => fixed(value, digits_of_gain),
     };
     let digits = digits(u_ms);
     vec![
         channel.name.clone(),
         verdict_word(channel.verdict).to_owned() + if channel.is_in_doubt() { ", in doubt" } else { "" },
-        format!("{:.digits$}", channel.delay_s * 1e3),
+        fixed(channel.delay_s * 1e3, digits),
         format!("{u_ms:.digits$}"),
-        channel.as_seen_delay_s.map_or_else(|| "-".to_owned(), |s| format!("{:.digits$}", s * 1e3)),
+        channel.as_seen_delay_s.map_or_else(|| "-".to_owned(), |s| fixed(s * 1e3, digits)),
         of_gain(channel.gain),
         of_gain(u_gain),
         channel.records.to_string(),
@@ -129,12 +129,12 @@ fn iron(magnetometer: &CardMagnetometer) -> String {
     let axis = |(value, u): (&f64, &f64)| {
         let u = COVERAGE * u * factor;
         let digits = digits(u);
-        format!("{:.digits$} ± {u:.digits$}", value * factor)
+        format!("{} ± {u:.digits$}", fixed(value * factor, digits))
     };
     let axes = found.hard_iron.iter().zip(&found.hard_iron_standard_uncertainty);
     let axes: Vec<String> = axes.map(axis).collect();
-    let swings = magnetometer.azimuths_rad.len();
-    format!("{name}: hard iron {}{unit} (k = 2) from {swings} swings; soft iron is on the card", axes.join(", "))
+    let swings = count(magnetometer.azimuths_rad.len() as u64, "swing");
+    format!("{name}: hard iron {}{unit} (k = 2) from {swings}; soft iron is on the card", axes.join(", "))
 }
 
 fn verdict_word(verdict: Verdict) -> &'static str {
@@ -152,7 +152,7 @@ fn lag(channel: &CardChannel) -> Option<String> {
     let number = |value_s: f64, u_s: Option<f64>| {
         let u_ms = u_s.map(|u| COVERAGE * u * 1e3);
         let digits = digits(u_ms.unwrap_or(1.0));
-        let value = format!("{:.digits$}", value_s * 1e3);
+        let value = fixed(value_s * 1e3, digits);
         u_ms.map_or_else(|| format!("{value} ms"), |u| format!("{value} ± {u:.digits$} ms"))
     };
     let uncertainties = channel.lags_standard_uncertainty_s.iter().copied().map(Some).chain(std::iter::repeat(None));
@@ -162,13 +162,13 @@ fn lag(channel: &CardChannel) -> Option<String> {
     });
     channel.has_lag().then(|| {
         format!(
-            "{}: {} of {}{}; {:.1} ms is only the pure delay that fits this swing best; the gain depends on the \
+            "{}: {} of {}{}; {} ms is only the pure delay that fits this swing best; the gain depends on the \
              frequency",
             channel.name,
             channel.model,
             lags.join(" and "),
             slow.unwrap_or_default(),
-            channel.delay_s * 1e3
+            fixed(channel.delay_s * 1e3, 1)
         )
     })
 }

@@ -4,8 +4,8 @@ use crate::arguments::CompensatorArguments;
 use crate::failure::{End, Failure};
 use campaign::Exit;
 use compensation_replay::{
-    CExport, CFloat, CompensatorKind, DelayModel, Delays, MeasuredAgainst, PadeForm, ValidityBand, autopilot_advice,
-    export_c,
+    CExport, CFloat, CompensatorError, CompensatorKind, DelayModel, Delays, MeasuredAgainst, PadeForm, ValidityBand,
+    autopilot_advice, export_c,
 };
 use flight::Delay;
 use std::io::Write;
@@ -13,23 +13,35 @@ use std::io::Write;
 /// Fraction of the raw error that still counts as help.
 const HELP: f64 = 0.1;
 
+/// Whether it can be written as C.
+fn is_written(kind: &CompensatorKind) -> bool {
+    matches!(kind, CompensatorKind::Pade { .. } | CompensatorKind::ExactAsync)
+}
+
+/// Suggests only what can be written as C.
+fn for_c(error: CompensatorError) -> CompensatorError {
+    let all: Vec<String> = CompensatorKind::all().iter().filter(|k| is_written(k)).map(ToString::to_string).collect();
+    match error {
+        CompensatorError::Unknown { name, .. } => CompensatorError::unknown(name, all.iter().map(String::as_str)),
+        other => other,
+    }
+}
+
 /// The valid names, and the help text that follows them.
 pub(crate) fn names_and(exit_codes: &str) -> String {
-    let (written, others): (Vec<CompensatorKind>, Vec<CompensatorKind>) = CompensatorKind::all()
-        .into_iter()
-        .partition(|kind| matches!(kind, CompensatorKind::Pade { .. } | CompensatorKind::ExactAsync));
+    let (written, others): (Vec<CompensatorKind>, Vec<CompensatorKind>) =
+        CompensatorKind::all().into_iter().partition(is_written);
     let names = |kinds: &[CompensatorKind]| kinds.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
     let (written, others) = (names(&written), names(&others));
     format!(
-        "Compensator names:\n  {written}\n\nIn a pipeline, [replay] compensators also accepts:\n  {others}\n\nOther \
-         Pade forms up to degree 8 are accepted too. The default rule is tustin for pade-1-1, and foh for the \
-         others.\n\n{exit_codes}"
+        "Compensator names, with N up to 4:\n  {written}\n\nIn a pipeline, [replay] compensators also accepts:\n  \
+         {others}\n\nThe default rule is tustin for pade-1-1, and foh for the others.\n\n{exit_codes}"
     )
 }
 
 pub(crate) fn run(arguments: &CompensatorArguments) -> Result<End, Failure> {
     let asked = |e: &dyn std::fmt::Display| Failure::new(Exit::Wrong, e.to_string());
-    let kind: CompensatorKind = arguments.name.parse().map_err(|e| asked(&e))?;
+    let kind: CompensatorKind = arguments.name.parse::<CompensatorKind>().map_err(|e| asked(&for_c(e)))?;
     let delay = delay_of(arguments).map_err(|what| asked(&what))?;
     let export = CExport {
         kind,
@@ -56,7 +68,12 @@ pub(crate) fn run(arguments: &CompensatorArguments) -> Result<End, Failure> {
         writeln!(out, "{band}")?;
     }
     let advice = autopilot_advice(delay, arguments.uncertainty_s, MeasuredAgainst::UnknownVelocity);
-    writeln!(out, "\nInstead of a compensator, set the delay in the autopilot:\n{}", advice.text())?;
+    match advice.can_be_set() {
+        true => writeln!(out, "\nInstead of a compensator, set the delay in the autopilot:\n{}", advice.text())?,
+        false => {
+            writeln!(out, "\nNo parameter of an autopilot takes {:.0} ms: run the compensator.", delay.millis())?;
+        }
+    }
     Ok(Exit::Well.into())
 }
 
@@ -98,6 +115,12 @@ fn band(kind: CompensatorKind, delay_s: f64, step_s: f64) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn only_what_can_be_written_as_c_is_suggested() {
+        let error = for_c("exact".parse::<CompensatorKind>().unwrap_err()).to_string();
+        assert!(error.contains("called \"exact\"") && !error.contains("exact-fir"), "{error}");
+    }
 
     #[test]
     fn every_name_in_the_help_is_available_as_c_or_for_pipelines_only() {

@@ -48,6 +48,8 @@ fn sentence(event: &Event) -> Option<String> {
         Event::Reduced { pages, kept } => format!("{} made, {kept} kept", count(pages, "page")),
         Event::Logs { logs, bytes: size } => format!("{}, {}", count(logs, "log"), bytes(*size)),
         Event::Measuring { records } => format!("measuring {}", count(records, "record")),
+        // The summary gives the reason.
+        Event::Measured { outcome, .. } if *outcome != "measured" => return None,
         Event::Measured { record, outcome, reason, lossy } => finished(record, outcome, reason.as_deref(), *lossy),
         Event::NothingChanged => "nothing changed".to_owned(),
         Event::Campaign { name, flights } => format!("campaign {name}: {}", flights.display()),
@@ -186,8 +188,8 @@ impl EventSink for Bar {
             Event::Measuring { records } => {
                 self.bar.set_prefix(format!("measuring {}", count(*records as u64, "record")));
             }
-            Event::Measured { outcome, lossy, .. } => {
-                if *outcome != "measured" || *lossy {
+            Event::Measured { lossy, .. } => {
+                if *lossy {
                     self.say(event);
                 }
             }

@@ -124,6 +124,8 @@ pub(crate) fn guess(log: &Log) -> Result<Guess, String> {
         if !has_place(&places, &of.table.topic.name, &position.first) {
             match unchecked(of, position, &motions) {
                 Ok(place) => places.push(place),
+                // The reason may be given with the velocity already.
+                Err(why) if reasons.iter().any(|given| given.ends_with(why.as_str())) => {}
                 Err(why) => reasons.push(why),
             }
         }
@@ -245,7 +247,7 @@ pub(crate) fn guess_by_motion<'l>(log: &'l Log) -> Result<Guess, String> {
         ((agreement / SAME).round() as i64, !swapped, !is_west)
     };
     let best = pairs.into_iter().max_by_key(rank);
-    let Some((mut place, motion)) = best.filter(|(_, motion)| motion.what.agreement >= LEAST) else {
+    let Some((mut place, mut motion)) = best.filter(|(_, motion)| motion.what.agreement >= LEAST) else {
         let what = match log.heads.iter().all(by_motion::is_headerless) {
             true => "the table has no header",
             false => "no columns are named like a time and a position or a velocity",
@@ -258,6 +260,9 @@ pub(crate) fn guess_by_motion<'l>(log: &'l Log) -> Result<Guess, String> {
     // A neighbour is a height only if a vertical velocity proves it.
     place.what.third =
         place.what.third.filter(|_| motion.what.third.is_some_and(|(_, side)| side != Vertical::LeftOut));
+    if place.what.third.is_none() {
+        motion.what.why.retain(|why| !why.ends_with(compare::UNSHOWN));
+    }
     Ok(write::map(&GuessedChannels { places: vec![place], motions: vec![motion], bodies: vec![] }, &[], true))
 }
 

@@ -685,6 +685,15 @@ pub struct ChannelDynamics {
     pub injections: Vec<Injection>,
 }
 
+impl ChannelDynamics {
+    /// Whether this channel is the anchor, on time by definition: every other delay is relative to it.
+    #[must_use]
+    pub fn is_anchor(&self) -> bool {
+        let own = matches!(&self.basis, TimeBasis::Anchor { channel } if *channel == self.name);
+        own && self.verdict == Verdict::NotMeasurable && self.delay.is_some()
+    }
+}
+
 /// A number from the data, compared with the rig file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]

@@ -100,7 +100,18 @@ impl CardChannel {
     /// lag, but is not one.
     #[must_use]
     pub fn has_lag(&self) -> bool {
-        !self.lags_s.is_empty() && !self.contradicted.iter().any(|what| what.contains(crate::DELAY_CHANGES))
+        let changes = self.contradicted.iter().any(|what| what.contains(crate::DELAY_CHANGES));
+        !self.lags_s.is_empty() && !changes && self.lags_explain_delay()
+    }
+
+    /// Whether the delay lies between the lateness of slow motion less the lags and that lateness, as the pure delay
+    /// that fits a lag best does, within 20 ms and four standard uncertainties.
+    fn lags_explain_delay(&self) -> bool {
+        let Some(slow_s) = self.slow_motion_delay_s else { return true };
+        let u_s = self.delay_standard_uncertainty_s.hypot(self.slow_motion_standard_uncertainty_s.unwrap_or(0.0));
+        let tolerance_s = 4.0 * u_s + 0.02;
+        let lags_s: f64 = self.lags_s.iter().sum();
+        (-tolerance_s..=lags_s + tolerance_s).contains(&(slow_s - self.delay_s))
     }
 }
 

@@ -1,7 +1,7 @@
 //! Reasons to doubt the delays of a bench record: one rule for its page, its card and the terminal.
 
 use crate::{BenchRecord, ChannelDynamics, Estimate, Finding, GateCheck, ModelFinding, MountCheck, TimeBasis};
-use flight::{Code, Quantity, fixed};
+use flight::{Code, Quantity, decimals_of, fixed};
 
 /// Place of the notice that the encoder's sign in the record differs from the rig file.
 pub const ENCODER_SIGN: &str = "encoder sign";
@@ -57,8 +57,7 @@ impl MountCheck {
         let (Finding::Found(fitted), Some(stated)) = (&self.fitted, self.stated) else { return self.name.clone() };
         let (factor, unit) = if self.unit == "rad" { (1f64.to_degrees(), "°") } else { (1.0, self.unit.as_str()) };
         let u = fitted.standard_uncertainty.map_or(0.0, |u| 2.0 * u * factor);
-        // Two significant digits of the uncertainty.
-        let digits = if u > 0.0 { (1.0 - u.log10().floor()).clamp(0.0, 4.0) as usize } else { 3 };
+        let digits = if u > 0.0 { decimals_of(u) } else { 3 };
         let [fitted, stated] = [fitted.value, stated].map(|value| fixed(value * factor, digits));
         format!("{}: {fitted} ± {u:.digits$} {unit} by the data, {stated} {unit} by the rig file", self.name)
     }

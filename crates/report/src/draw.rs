@@ -221,6 +221,9 @@ fn draw_panel(
     for line in lines {
         write_line(out, &chart, line, fine);
     }
+    for label in &panel.labels {
+        write_label(out, &chart, panel, label);
+    }
     for mark in &panel.marks {
         write_mark(out, &chart, panel, mark);
     }
@@ -354,11 +357,17 @@ fn write_line(out: &mut String, chart: &Chart, line: &Line, fine: bool) {
 /// A ring and its name.
 fn write_mark(out: &mut String, chart: &Chart, panel: &Panel, mark: &Mark) {
     let (x, y) = chart.backend_coord(&mark.at);
-    let right = mark.at.0 > (panel.x.low + panel.x.high) / 2.0;
-    let (text_x, anchor) = if right { (x - 18, "end") } else { (x + 18, "start") };
     let _ =
         writeln!(out, "<circle cx=\"{x}\" cy=\"{y}\" r=\"9\" fill=\"#ffffff\" stroke=\"#1b1f24\" stroke-width=\"4\"/>");
-    write_text(out, (text_x, y + 9), anchor, &mark.label);
+    write_label(out, chart, panel, mark);
+}
+
+/// A name next to its point.
+fn write_label(out: &mut String, chart: &Chart, panel: &Panel, label: &Mark) {
+    let (x, y) = chart.backend_coord(&label.at);
+    let right = label.at.0 > (panel.x.low + panel.x.high) / 2.0;
+    let (text_x, anchor) = if right { (x - 18, "end") } else { (x + 18, "start") };
+    write_text(out, (text_x, y + 9), anchor, &label.label);
 }
 
 /// A scale bar at the lower left, a north arrow at the upper right.

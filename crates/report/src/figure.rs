@@ -63,8 +63,10 @@ pub(crate) struct Panel {
     pub(crate) lines: Vec<Line>,
     /// Shaded stretches of the horizontal axis.
     pub(crate) spans: Vec<Span>,
-    /// Named points.
+    /// Named points, each with a ring.
     pub(crate) marks: Vec<Mark>,
+    /// The same without a ring.
+    pub(crate) labels: Vec<Mark>,
     /// Points whose names show on hover.
     pub(crate) names: Vec<Mark>,
     /// Lengths along the horizontal axis, with arrows and a label.
@@ -95,6 +97,7 @@ impl Panel {
             lines,
             spans: vec![],
             marks: vec![],
+            labels: vec![],
             names: vec![],
             dimensions: vec![],
             heading: String::new(),

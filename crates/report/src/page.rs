@@ -128,6 +128,11 @@ fn verdict_badge(verdict: Verdict) -> Markup {
     badge(class, icon, verdict::word(verdict))
 }
 
+/// The channel that all delays of a record are relative to.
+fn anchor_badge() -> Markup {
+    badge("off", "●", "anchor")
+}
+
 /// Verdict on a delay. If the delay is in doubt, the verdict has no colour.
 fn verdict_or_doubt(verdict: Verdict, is_in_doubt: bool) -> Markup {
     html! {

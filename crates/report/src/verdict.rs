@@ -3,6 +3,9 @@
 use crate::number;
 use record::{ChannelDynamics, DelayFinding, DelaySource, Estimate, GroupLateness, Verdict};
 
+/// The delay of the anchor channel.
+pub(crate) const ZERO_BY_DEFINITION: &str = "0 by definition";
+
 /// A verdict as one or two words.
 pub(crate) fn word(verdict: Verdict) -> &'static str {
     match verdict {
@@ -17,6 +20,9 @@ pub(crate) fn word(verdict: Verdict) -> &'static str {
 /// The same with its number, e.g. `late by 400.3 ± 1.6 ms`.
 pub(crate) fn phrase(channel: &ChannelDynamics) -> String {
     let Some(found) = &channel.delay else { return word(channel.verdict).to_lowercase() };
+    if channel.is_anchor() {
+        return "the anchor, on time by definition".to_owned();
+    }
     let value = in_millis(&delay(found));
     let size = |sign: f64| number::with_uncertainty(&Estimate { value: sign * value.value, ..value });
     match channel.verdict {

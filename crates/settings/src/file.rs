@@ -106,6 +106,12 @@ impl<'a> SettingsFile<'a> {
         Refused
     }
 
+    /// Whether anything was rejected so far.
+    #[must_use]
+    pub fn has_complaints(&self) -> bool {
+        !self.complaints.borrow().is_empty()
+    }
+
     /// The line, from 1, of a value.
     pub fn line_of<T>(&self, at: &Spanned<T>) -> usize {
         line_of(self.text, at.span().start)

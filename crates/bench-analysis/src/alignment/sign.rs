@@ -3,7 +3,7 @@
 use super::clue::Clue;
 use super::force::ForceFit;
 use crate::rig::Rig;
-use flight::{Code, Notices, Quantity};
+use flight::{Code, Notices, Quantity, with_minus};
 use record::ENCODER_SIGN;
 
 /// A coefficient must be this many standard uncertainties away from zero to have a sign.
@@ -20,8 +20,9 @@ pub(super) fn sign(clues: &[Clue], rig: &Rig, notices: &mut Notices) -> (f64, St
         .or_else(|| of_quantity(clues, Quantity::Attitude, of_attitude));
     if let Some(stated) = rig.encoder.sign {
         if let Some((found, how)) = seen.filter(|(s, _)| *s != stated) {
+            let [said, shown] = [stated, found].map(|sign| with_minus(&sign.to_string()));
             let text = format!(
-                "the rig file says encoder.sign = {stated}, but the record shows {found}: {how}. The rig file is used"
+                "the rig file says encoder.sign = {said}, but the record shows {shown}: {how}. The rig file is used"
             );
             notices.push(Code::RigContradicted, ENCODER_SIGN, 1, text);
         }
@@ -41,13 +42,17 @@ fn of_quantity(clues: &[Clue], quantity: Quantity, by: impl Fn(&Clue) -> Found) 
 }
 
 fn of_rate(clue: &Clue) -> Found {
-    slope(clue, 1)
-        .map(|(sign, z)| (sign, format!("{} y turns with the encoder ({z:.0} standard uncertainties)", clue.name)))
+    slope(clue, 1).map(|(sign, z)| (sign, moves(&format!("{} y turns", clue.name), sign, z)))
 }
 
 fn of_attitude(clue: &Clue) -> Found {
-    slope(clue, 0)
-        .map(|(sign, z)| (sign, format!("{} swings with the encoder ({z:.0} standard uncertainties)", clue.name)))
+    slope(clue, 0).map(|(sign, z)| (sign, moves(&format!("{} swings", clue.name), sign, z)))
+}
+
+/// The direction of a movement relative to the counts of the encoder.
+fn moves(what: &str, sign: f64, z: f64) -> String {
+    let way = if sign < 0.0 { "against" } else { "with" };
+    format!("{what} {way} the encoder ({z:.0} standard uncertainties)")
 }
 
 /// Sign of the coefficient on the angle or rate, and its significance.
@@ -70,4 +75,21 @@ fn of_force(clue: &Clue) -> Found {
     let ratio = (minus.rest / plus.rest).max(plus.rest / minus.rest);
     let how = format!("{} fits with this sign ({ratio:.3} times the residual with the other)", clue.name);
     (ratio > CLEAR_RATIO).then(|| (sign_of(plus.rest <= minus.rest), how))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_negative_sign_turns_against_the_encoder() {
+        assert_eq!(
+            moves("angular-rate.imu y turns", 1.0, 80.4),
+            "angular-rate.imu y turns with the encoder (80 standard uncertainties)"
+        );
+        assert_eq!(
+            moves("attitude.ins swings", -1.0, 9.0),
+            "attitude.ins swings against the encoder (9 standard uncertainties)"
+        );
+    }
 }

@@ -309,7 +309,12 @@ impl<'a> Several<'a> {
     ) -> Option<Several<'a>> {
         let mut runs = vec![];
         for (record, found) in records {
-            match run(record, channels(found).iter().find(|c| c.name == name)) {
+            let channel = channels(found).iter().find(|c| c.name == name);
+            // The anchor has no delay of its own, and lacks nothing.
+            if channel.is_some_and(ChannelDynamics::is_anchor) {
+                continue;
+            }
+            match run(record, channel) {
                 Ok(run) => runs.push(run),
                 Err(why) => left_out.push(LeftOut { code: Code::LeftOffCard, record, channel: name, why }),
             }

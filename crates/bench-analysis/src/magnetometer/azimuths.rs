@@ -34,6 +34,7 @@ pub(super) fn distinct(swings: &[MagneticSwing]) -> usize {
 pub(super) fn lacking(swings: &[MagneticSwing]) -> String {
     let kept = kept(swings);
     let have = match kept.len() {
+        1 if swings.len() == 1 => format!("the only swing is at an azimuth of {}", degrees(kept[0])),
         1 => format!("all swings are at one azimuth, {}", degrees(kept.first().copied().unwrap_or(0.0))),
         n => format!(
             "the swings are at {n} azimuths within {:.0}°",

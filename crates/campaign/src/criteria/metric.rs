@@ -192,7 +192,7 @@ pub const METRICS: &[MetricEntry] = {
             PLAIN,
             Nothing,
             Positive,
-            "|E_n|: magnitude of that difference over √(U² + U²), both with k = 2 (ISO 13528). At most 1 means that \
+            "|E_n|: magnitude of that difference over √(U₁² + U₂²), the U of the two, k = 2 (ISO 13528). At most 1 means that \
              both agree. Both need an uncertainty.",
         ),
         entry(

@@ -256,7 +256,8 @@ impl Checker<'_> {
             reference: reference.is_some(),
             duration_at_least_s: duration_at_least.as_ref().map(|d| self.duration(d)).transpose()?,
         };
-        match resolved.is_everything() {
+        // A key that was rejected leaves the table empty.
+        match resolved.is_everything() && !self.file.has_complaints() {
             true => Err(self.fault(written, "applies_to is empty: remove it to include all flights")),
             false => Ok(resolved),
         }
@@ -316,7 +317,7 @@ fn recorded_name(name: &str) -> Result<String, String> {
     if ALWAYS.contains(&name) {
         return Ok(name.to_owned());
     }
-    let kind: CompensatorKind = name.parse().map_err(|e| format!("{e}; and {}", ALWAYS.join(", ")))?;
+    let kind: CompensatorKind = name.parse().map_err(|e| format!("{e}. Criteria also take {}", ALWAYS.join(", ")))?;
     let name = kind.to_string();
     Ok(if name == "pade-1-1-tustin" { "pade-1-1".to_owned() } else { name })
 }

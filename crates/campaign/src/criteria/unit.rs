@@ -57,7 +57,8 @@ impl Dimension {
             Dimension::Ratio => "a number without a unit".to_owned(),
             _ => {
                 let units: Vec<&str> = self.units().collect();
-                format!("a text with a number and one of the units {}, such as \"5 {}\"", units.join(", "), units[0])
+                let which = if units.len() == 1 { "the unit" } else { "one of the units" };
+                format!("a text with a number and {which} {}, such as \"5 {}\"", units.join(", "), units[0])
             }
         }
     }
@@ -157,7 +158,7 @@ mod tests {
             ("1e999 ms", Dimension::Time, "too large"),
             ("1.5", Dimension::Count, "not a count"),
             ("3 Hz", Dimension::Count, "has no unit `Hz`"),
-            ("0.95", Dimension::Share, "one of the units %"),
+            ("0.95", Dimension::Share, "the unit %, such as \"5 %\""),
         ] {
             let error = si(text, dimension).unwrap_err();
             assert!(error.contains(says), "{text}: {error}");

@@ -66,11 +66,11 @@ impl CompensatorOptions {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum CompensatorError {
     /// No compensator has this name.
-    #[error("no compensator is called {name:?}{meant}; `flightlag compensator --help` lists the names")]
+    #[error("no compensator is called {name:?}{meant} `flightlag compensator --help` lists the names")]
     Unknown {
         /// The name.
         name: String,
-        /// A suggested name, as a question after a semicolon; empty if no name is similar.
+        /// A semicolon, then a suggested name as a question if one is similar.
         meant: String,
     },
     /// The Padé form is rejected.
@@ -124,6 +124,14 @@ const OFFERED: [(usize, usize); 11] =
     [(0, 1), (1, 1), (0, 2), (1, 2), (2, 2), (1, 3), (2, 3), (3, 3), (2, 4), (3, 4), (4, 4)];
 
 impl CompensatorError {
+    /// No compensator has this name; suggests the nearest of `names`.
+    #[must_use]
+    pub fn unknown<'n>(name: String, names: impl IntoIterator<Item = &'n str>) -> CompensatorError {
+        let near = settings::likely(&name, names);
+        let meant = near.map_or_else(|| ";".to_owned(), |near| format!("; did you mean {near:?}?"));
+        CompensatorError::Unknown { name, meant }
+    }
+
     /// The same error with the name as typed, if the user abbreviated it.
     fn called(self, typed: &str) -> CompensatorError {
         let name = typed.to_owned();
@@ -313,7 +321,5 @@ fn pade(name: &str) -> Option<CompensatorKind> {
 
 fn unknown(name: &str) -> CompensatorError {
     let all: Vec<String> = CompensatorKind::all().iter().map(ToString::to_string).collect();
-    let near = settings::likely(name, all.iter().map(String::as_str));
-    let meant = near.map_or(String::new(), |near| format!("; did you mean {near:?}?"));
-    CompensatorError::Unknown { name: name.to_owned(), meant }
+    CompensatorError::unknown(name.to_owned(), all.iter().map(String::as_str))
 }

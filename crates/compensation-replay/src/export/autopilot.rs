@@ -106,15 +106,16 @@ fn parameter(
 
 fn warnings(ms: f64, against: MeasuredAgainst, parameters: &[AutopilotParameter]) -> Vec<String> {
     let mut out = vec![
-        "Do not compensate twice: set the parameter or run the compensator, never both. If the position in this log \
-         is the EKF's, the parameter of the flight has already been applied, and this measurement is the residual."
+        "Do not compensate twice: set the parameter or run the compensator, never both. If this delay was measured \
+         on the EKF's position, the parameter of that flight has already been applied, and the delay is the residual."
             .to_owned(),
     ];
     match against {
         MeasuredAgainst::Inertial => {}
         MeasuredAgainst::UnknownVelocity => out.push(
-            "This is the delay of the position relative to its velocity. The parameters delay both together, so a \
-             value is right only if that velocity is on time; measure the velocity against the inertial sensors first."
+            "If this delay is that of the position relative to its velocity, a value is right only if that velocity \
+             is on time, because the parameters shift both together. Measure the velocity against the inertial \
+             sensors first."
                 .to_owned(),
         ),
         MeasuredAgainst::Velocity(own) => out.push(format!(
@@ -140,20 +141,26 @@ fn warnings(ms: f64, against: MeasuredAgainst, parameters: &[AutopilotParameter]
         ));
     }
     out.push(
-        "The parameters take effect after a reboot. PX4 of 2026 ignores its own where the receiver's driver stamps the \
-         fix itself."
+        "The parameters take effect after a reboot. PX4 of 2026 ignores SENS_GPS0_DELAY and SENS_GNSS0_DELAY where \
+         the receiver's driver stamps the fix itself."
             .to_owned(),
     );
     out
 }
 
 impl AutopilotAdvice {
+    /// Whether any parameter can hold the delay.
+    #[must_use]
+    pub fn can_be_set(&self) -> bool {
+        self.parameters.iter().any(|p| matches!(p.fit, ParameterFit::Fits | ParameterFit::AtTheEdge))
+    }
+
     /// Plain text, one line per parameter and warning.
     #[must_use]
     pub fn text(&self) -> String {
         let mut text = String::new();
         for p in &self.parameters {
-            let interval = p.interval_ms.map_or(String::new(), |[low, high]| format!(" ({low} to {high})"));
+            let interval = p.interval_ms.map_or(String::new(), |[low, high]| format!(" ({low} to {high}, k = 2)"));
             let fit = match p.fit {
                 ParameterFit::Fits => "",
                 ParameterFit::AtTheEdge => ", the interval exceeds the range",
@@ -190,7 +197,7 @@ mod tests {
             assert_eq!((parameter.value_ms, parameter.interval_ms), (118, Some([112, 125])), "{name}");
             assert_eq!(parameter.fit, ParameterFit::Fits);
         }
-        assert!(advice.text().contains("EKF2_GPS_DELAY = 118 ms (112 to 125)"), "{}", advice.text());
+        assert!(advice.text().contains("EKF2_GPS_DELAY = 118 ms (112 to 125, k = 2)"), "{}", advice.text());
         assert!(advice.warnings[0].contains("twice"));
     }
 
@@ -200,6 +207,7 @@ mod tests {
         assert!(late.parameters.iter().all(|p| p.fit == ParameterFit::OutOfRange && p.value_ms == 400));
         assert!(late.text().contains("GPS1_DELAY_MS takes 0 to 250 ms") && late.text().contains("EKF2_DELAY_MAX"));
         let between = advice(249.0, 4.0);
+        assert!(!late.can_be_set() && between.can_be_set());
         assert_eq!(named(&between, "GPS1_DELAY_MS").fit, ParameterFit::AtTheEdge);
         assert_eq!(named(&between, "EKF2_GPS_DELAY").fit, ParameterFit::Fits);
         let none = advice(0.2, 0.05);

@@ -65,7 +65,9 @@ pub enum ExportError {
         most: u32,
     },
     /// Not a C identifier.
-    #[error("{0:?} is not a C name: a letter, then letters, digits or underscores, at most 31")]
+    #[error(
+        "{0:?} is not a C name: a letter, then letters, digits or underscores, at most 31, and no keyword or type of C"
+    )]
     Prefix(String),
 }
 

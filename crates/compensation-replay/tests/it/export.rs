@@ -209,7 +209,7 @@ fn unsupported_exports_are_rejected_with_the_reason() {
     for step_s in [0.0, -0.01, f64::NAN, f64::INFINITY] {
         assert!(matches!(export_c(&CExport { step_s, ..good.clone() }), Err(ExportError::Step(_))));
     }
-    for prefix in ["", "1st", "a b", "a-b", "é", "a_name_that_is_far_too_long_for_c99"] {
+    for prefix in ["", "1st", "a b", "a-b", "é", "double", "int8", "a_name_that_is_far_too_long_for_c99"] {
         let refused = export_c(&CExport { prefix: prefix.to_owned(), ..good.clone() });
         assert!(matches!(refused, Err(ExportError::Prefix(_))), "{prefix}");
     }

@@ -133,6 +133,9 @@ pub(super) fn units_of_place(table: &Table, group: &Position) -> Vec<(Unit, Stri
         return unit("m").map(|m| (m, "assumed in metres".to_owned())).into_iter().collect();
     }
     let (latitude, longitude) = (largest(table, &group.first), largest(table, &group.second));
+    if are_degrees_and_minutes(latitude, longitude) {
+        return vec![];
+    }
     let fits = |symbol: &str| {
         let unit = unit(symbol)?;
         (unit.to_si(latitude) <= MOST_LATITUDE && unit.to_si(longitude) <= 2.0 * std::f64::consts::PI + 1e-9)
@@ -148,6 +151,12 @@ pub(super) fn units_of_place(table: &Table, group: &Position) -> Vec<(Unit, Stri
     degrees.into_iter().chain(radians.map(|rad| (rad, "tried as rad".to_owned()))).collect()
 }
 
+/// Whether the largest latitude and longitude look like 4807.038 for 48° 07.038′.
+fn are_degrees_and_minutes(latitude: f64, longitude: f64) -> bool {
+    let is_whole = |value: f64| value % 100.0 < 60.0;
+    (180.0..=9000.0).contains(&latitude) && longitude <= 18_000.0 && is_whole(latitude) && is_whole(longitude)
+}
+
 /// The reason for a position without a unit: it is earth-centred, or its values fit no unit of angle.
 pub(super) fn without_unit(table: &Table, group: &Position) -> String {
     if !group.is_geodetic {
@@ -159,6 +168,20 @@ pub(super) fn without_unit(table: &Table, group: &Position) -> String {
         );
     }
     let [latitude, longitude] = [&group.first, &group.second].map(|column| (&column.path, largest(table, column)));
+    if are_degrees_and_minutes(latitude.1, longitude.1) {
+        return format!(
+            "the values of {} and {} look like degrees and minutes ({:.0}.…), which are not read",
+            latitude.0,
+            longitude.0,
+            latitude.1.trunc()
+        );
+    }
+    if latitude.1 > 90.0 && latitude.1 <= 180.0 && longitude.1 <= 90.0 {
+        return format!(
+            "{} reaches {:.1}, which no latitude can: {} and {} may be exchanged",
+            latitude.0, latitude.1, latitude.0, longitude.0
+        );
+    }
     format!(
         "the values of {} reach {}, those of {} {}: neither degrees nor radians nor 1e-7 degrees (missing values as -9999, or \
          degrees and minutes as 4807.038, are not read from a table)",

@@ -336,6 +336,20 @@ fn earth_centred_coordinates_need_a_map() {
 }
 
 #[test]
+fn exchanged_columns_and_degrees_with_minutes_are_named_once() {
+    let swapped =
+        table("time,lat,lon,vn,ve", |t, [a, b, _], [n, e, _]| format!("{t},{},{},{n},{e}", deg(b) + 100.0, deg(a)));
+    let error = load_text(&swapped).binding.unwrap_err();
+    assert_eq!(error.matches("which no latitude can: lat and lon may be exchanged").count(), 1, "{error}");
+    let minutes = |degrees: f64| 100.0 * degrees.trunc() + 60.0 * degrees.fract();
+    let text = table("time,lat,lon,vn,ve", |t, [a, b, _], [n, e, _]| {
+        format!("{t},{},{},{n},{e}", minutes(deg(a) + 37.0), minutes(deg(b)))
+    });
+    let error = load_text(&text).binding.unwrap_err();
+    assert_eq!(error.matches("look like degrees and minutes (").count(), 1, "{error}");
+}
+
+#[test]
 fn a_utm_grid_is_metres_north_and_east() {
     let text = table("time,UTM_E,UTM_N,vn,ve", |t, _, [n, e, _]| {
         let ([north, east, _], _) = truth(t - LATE_S);

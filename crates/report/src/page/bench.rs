@@ -12,7 +12,10 @@ mod reference;
 
 pub(super) use mount::soft_iron;
 
-use super::{Needs, badge, contents, document, estimate, health, in_doubt, sensor_name, verdict_badge};
+use super::{
+    Needs, anchor_badge, badge, contents, document, estimate, health, in_doubt, sensor_name, verdict_badge,
+    verdict_or_doubt,
+};
 use crate::figure::{BenchFigures, place_in_paper};
 use crate::number;
 use crate::site::Site;
@@ -169,7 +172,15 @@ fn found(findings: &BenchFindings, figures: &BenchFigures, shift: Option<&Markup
 
 /// Whether the delay of a channel is in doubt: because of faults of the record (`doubts`), or because it changes.
 fn is_in_doubt(channel: &ChannelDynamics, doubts: &[String]) -> bool {
-    channel.delay.is_some() && (!doubts.is_empty() || channel.changing_delay_s().is_some())
+    channel.delay.is_some() && !channel.is_anchor() && (!doubts.is_empty() || channel.changing_delay_s().is_some())
+}
+
+/// Verdict on the delay of a channel; the anchor has none.
+fn channel_badge(channel: &ChannelDynamics, doubts: &[String]) -> Markup {
+    match channel.is_anchor() {
+        true => anchor_badge(),
+        false => verdict_or_doubt(channel.verdict, is_in_doubt(channel, doubts)),
+    }
 }
 
 /// Number of channels with each verdict, and the state of the data.
@@ -177,7 +188,8 @@ fn strip(record: &BenchRecord, doubts: &[String]) -> Markup {
     const ALL: [Verdict; 5] =
         [Verdict::Delayed, Verdict::Early, Verdict::Inconclusive, Verdict::EquivalentToZero, Verdict::NotMeasurable];
     let channels = record.findings.iter().flat_map(|f| &f.channels);
-    let sure = channels.clone().filter(|c| !is_in_doubt(c, doubts));
+    let sure = channels.clone().filter(|c| !c.is_anchor() && !is_in_doubt(c, doubts));
+    let anchors = channels.clone().filter(|c| c.is_anchor()).count() as u64;
     let count = |verdict| sure.clone().filter(|c| c.verdict == verdict).count() as u64;
     let doubtful = channels.filter(|c| is_in_doubt(c, doubts)).count() as u64;
     html! {
@@ -192,6 +204,7 @@ fn strip(record: &BenchRecord, doubts: &[String]) -> Markup {
             @for verdict in ALL {
                 @if count(verdict) > 0 { span { (verdict_badge(verdict)) " " (number::counted(count(verdict), "channel", "channels")) } }
             }
+            @if anchors > 0 { span { (anchor_badge()) " " (number::counted(anchors, "channel", "channels")) } }
             (health::notice_words(&record.notices))
         }
     }
@@ -221,7 +234,7 @@ fn first_words(record: &BenchRecord, doubts: &[String]) -> Markup {
 
 /// The answer for each channel in one sentence. Channels that are late or early come first.
 fn answer(findings: &BenchFindings, doubts: &[String]) -> Markup {
-    let of = |verdict| findings.channels.iter().filter(move |c| c.verdict == verdict);
+    let of = |verdict| findings.channels.iter().filter(move |c| c.verdict == verdict && !c.is_anchor());
     let failed: Vec<&GateCheck> =
         findings.gate.checks.iter().filter(|c| !c.passed && !c.is_of_wrong_motion()).collect();
     html! {

@@ -3,8 +3,8 @@
 use super::Head::{self, Number, Text};
 use super::bench::{for_people, soft_iron};
 use super::{
-    Needs, badge, basis, command_block, contents, document, estimate, fact, figure, finding, in_doubt, maybe,
-    no_number, or_why, plain, provenance, rows, sensor_name, table, verdict_or_doubt,
+    Needs, anchor_badge, badge, basis, command_block, contents, document, estimate, fact, figure, finding, in_doubt,
+    maybe, no_number, or_why, plain, provenance, rows, sensor_name, table, verdict_or_doubt,
 };
 use crate::figure::{BenchFigures, Figure, Forest, ForestRow, LeftOut, card_forest, place_in_paper};
 use crate::number;
@@ -16,7 +16,7 @@ use record::{
     BenchOutcome, BenchRecord, CardChannel, CardMagnetometer, ChannelDynamics, Estimate, InputFile, IronCalibration,
     SensorCard, TimeBasis, Verdict,
 };
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Maximum number of channels with their own column in the table of records; the record pages have all.
 const MOST_COLUMNS: usize = 8;
@@ -242,6 +242,9 @@ fn answer(page: &CardPage, channels: &[Channel]) -> Markup {
                 }
             }
         }
+        @for anchor in anchors(channels) {
+            p.answer { (anchor_badge()) " " code { (shown(anchor)) } ": delay " (verdict::ZERO_BY_DEFINITION) "." }
+        }
         @if channels.is_empty() { p.answer { "The card has no channel." } }
         @for remark in page.remarks { p.answer { (badge("unsure", "!", "Records")) " " (shown(remark)) "." } }
         p.answer { "Validity: " (validity(page.card)) }
@@ -290,6 +293,16 @@ pub(super) fn time_base(basis: &TimeBasis) -> Markup {
             TimeBasis::Anchor { channel } => { "relative to " code { (shown(channel)) } }
         }
     }
+}
+
+/// The channels that delays of the card are relative to and that are not on it.
+fn anchors<'a>(channels: &[Channel<'a>]) -> BTreeSet<&'a str> {
+    let anchor = |c: &Channel<'a>| match &c.card.basis {
+        TimeBasis::Anchor { channel } => Some(channel.as_str()),
+        _ => None,
+    };
+    let is_on_card = |name: &str| channels.iter().any(|c| c.card.name == name);
+    channels.iter().filter_map(anchor).filter(|name| !is_on_card(name)).collect()
 }
 
 /// The time base of several channels, if they all have the same.
@@ -358,6 +371,7 @@ impl Columns {
                 @else { "No channel was held. " }
                 @if self.spread { "Spread between records: one standard deviation; —: one record. " }
                 @else { "No channel has two records, so their spread is unknown. " }
+                "Gain: mean of the components that the swing moves. "
                 @if let Some(first) = channels.first().filter(|_| !self.clock) {
                     "All delays: " (time_base(&first.card.basis)) ", by " (first.card.stamp_kind) " timestamps."
                 }
@@ -491,11 +505,13 @@ fn toml_text(text: &str) -> String {
 }
 
 fn magnetometer(found: &CardMagnetometer) -> Markup {
-    let azimuths: Vec<f64> = found.azimuths_rad.iter().map(|a| a.to_degrees()).collect();
+    let degrees = |azimuth: &f64| ((10.0 * azimuth.to_degrees()).round() / 10.0).rem_euclid(360.0);
+    let azimuths: Vec<f64> = found.azimuths_rad.iter().map(degrees).collect();
     html! {
         p {
             "Hard and soft iron of " code { (shown(&found.channel)) } " from "
-            (number::counted(azimuths.len() as u64, "swing", "swings")) " at azimuths of "
+            (number::counted(azimuths.len() as u64, "swing", "swings")) " at "
+            @if azimuths.len() == 1 { "an azimuth of " } @else { "azimuths of " }
             @for (i, azimuth) in azimuths.iter().take(40).enumerate() { @if i > 0 { ", " } (number::fixed(*azimuth, 1)) "°" }
             "."
         }

@@ -30,7 +30,7 @@ fn delay_paragraph(record: &FlightRecord, replay: &ReplayRecord) -> Markup {
     let apart = record.lateness.as_ref().and_then(|l| l.position_minus_velocity_s);
     html! {
         p {
-            "Compensated is " code { (shown(&replay.pair.position)) } " by the velocity " code { (shown(&replay.pair.velocity)) }
+            code { (shown(&replay.pair.position)) } " is compensated with " code { (shown(&replay.pair.velocity)) }
             @if let Some(apart) = apart {
                 ". The position is " (estimate(&in_millis(&apart))) "\u{a0}ms later than the velocity"
             }

@@ -118,6 +118,29 @@ fn channels_missing_for_one_reason_are_reported_once() {
 }
 
 #[test]
+fn the_anchor_is_not_reported_as_left_out() {
+    let mut all = runs(&[400.0, 400.0]);
+    for (_, record) in &mut all {
+        let mut anchor = channel("angular-rate.imu", 0.0, 0.001);
+        anchor.basis = TimeBasis::Anchor { channel: "angular-rate.imu".into() };
+        anchor.verdict = Verdict::NotMeasurable;
+        record.findings.as_mut().unwrap().channels.push(anchor);
+    }
+    let combined = combine(&all, &TERMS).unwrap();
+    assert!(combined.notices.is_empty());
+    assert_eq!(combined.card.channels.len(), 1);
+}
+
+/// A pure delay of 204 ms fits a lag of 300 ms; one of −821 ms does not.
+#[test]
+fn lags_that_do_not_explain_the_delay_are_no_lag() {
+    let position = example::card().channels.remove(0);
+    let lagged = CardChannel { delay_s: 0.204, lags_s: vec![0.3], slow_motion_delay_s: Some(0.3), ..position };
+    assert!(lagged.has_lag());
+    assert!(!CardChannel { delay_s: -0.821, ..lagged }.has_lag());
+}
+
+#[test]
 fn an_absolute_and_a_relative_delay_are_not_averaged() {
     let mut all = runs(&[400.0, 700.0]);
     let relative = &mut all[1].1.findings.as_mut().unwrap().channels[0];

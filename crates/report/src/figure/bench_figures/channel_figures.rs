@@ -204,7 +204,7 @@ fn response(named: &Named, found: &ResponseFinding) -> Option<Figure> {
          of {} over frequency in Hz. Bars: 95 %. Segments of {} s, {} effective averages. Pale bins beyond \
          their axis, not drawn: {}.",
         label(&found.component),
-        number::exact(found.segment_s),
+        number::significant(found.segment_s, 3),
         number::significant(found.averages, 3),
         beyond
     );

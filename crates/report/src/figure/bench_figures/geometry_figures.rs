@@ -3,7 +3,7 @@
 use super::super::{Axis, Figure, Line, Mark, Panel, Pen, extent, stroke};
 use crate::number;
 use crate::text::label;
-use record::{ReferenceFinding, RigGeometry, RigPart};
+use record::{Estimate, ReferenceFinding, RigGeometry, RigPart};
 
 /// Width and height of a drawing, CSS pixels.
 const SIZE: (u32, u32) = (420, 300);
@@ -45,12 +45,12 @@ pub(super) fn side(geometry: &RigGeometry, reference: &ReferenceFinding) -> Opti
         pen: Pen::Points,
         pieces: geometry.parts.iter().map(|p| vec![turned(p.lever_arm_m, 0.0)]).collect(),
     });
-    let mut marks = vec![
-        Mark { at: (0.0, 0.0), label: "pivot and encoder".to_owned() },
+    let marks = vec![Mark { at: (0.0, 0.0), label: "pivot and encoder".to_owned() }];
+    let mut labels = vec![
         Mark { at: turned([0.6 * x, 0.0, 0.6 * z], 1.3 * SHOWN_ANGLE), label: sense(reference).to_owned() },
         Mark { at: gravity[0], label: format!("g {} m/s²", number::significant(reference.gravity_mps2, 4)) },
     ];
-    marks.extend(named(&geometry.parts, 0.05 * length, |arm| turned(arm, 0.0)));
+    labels.extend(named(&geometry.parts, 0.05 * length, |arm| turned(arm, 0.0)));
     let caption = format!(
         "Seen along the axis of rotation; the bar is {} m long, mounted {}. Lever arms are in the table.",
         number::exact(geometry.bar_length_m),
@@ -62,7 +62,7 @@ pub(super) fn side(geometry: &RigGeometry, reference: &ReferenceFinding) -> Opti
         caption,
         ("forward in the swing's plane (m)", "up (m)"),
         lines,
-        marks,
+        [marks, labels],
     )
 }
 
@@ -91,15 +91,16 @@ pub(super) fn above(geometry: &RigGeometry, reference: &ReferenceFinding) -> Opt
         pen: Pen::Points,
         pieces: geometry.parts.iter().map(|p| vec![at(p.lever_arm_m[0], p.lever_arm_m[1])]).collect(),
     });
+    let beyond = (1.3 * azimuth).sin_cos();
     let azimuth = number::scaled(reference.azimuth_rad.as_ref()?, 1f64.to_degrees());
-    let beyond = (1.3 * azimuth.value).sin_cos();
-    let marks = vec![Mark {
+    let azimuth = Estimate { value: azimuth.value.rem_euclid(360.0), ..azimuth };
+    let labels = vec![Mark {
         at: (0.6 * reach * beyond.0, 0.6 * reach * beyond.1),
         label: format!("azimuth {}°", number::with_uncertainty(&azimuth)),
     }];
     let caption =
         "Seen from above. The arrow is the direction in which the body's x axis points at bar angle zero.".to_owned();
-    figure("geometry-above", "The rig from above", caption, ("east (m)", "north (m)"), lines, marks)
+    figure("geometry-above", "The rig from above", caption, ("east (m)", "north (m)"), lines, [vec![], labels])
 }
 
 /// End of the bar in body axes, m; `None` if it has no length.
@@ -119,7 +120,7 @@ fn sense(reference: &ReferenceFinding) -> &'static str {
     if reference.sign < 0.0 { "angle +, counts fall" } else { "angle +, counts rise" }
 }
 
-/// The letters of the parts; parts closer together than `least` share a mark.
+/// The letters of the parts; parts closer together than `least` share a label.
 fn named(parts: &[RigPart], least: f64, at: impl Fn([f64; 3]) -> (f64, f64)) -> Vec<Mark> {
     let mut marks: Vec<Mark> = vec![];
     for (i, part) in parts.iter().enumerate() {
@@ -157,7 +158,7 @@ fn figure(
     caption: String,
     (across, up): (&str, &str),
     lines: Vec<Line>,
-    marks: Vec<Mark>,
+    [marks, labels]: [Vec<Mark>; 2],
 ) -> Option<Figure> {
     let (x, y) = (extent(&lines, |p| p.0)?, extent(&lines, |p| p.1)?);
     let (width, height) = (f64::from(SIZE.0), f64::from(SIZE.1));
@@ -168,6 +169,7 @@ fn figure(
     };
     let panel = Panel {
         marks,
+        labels,
         ..Panel::of(Axis::exactly(across, around(x, width), 6), Axis::exactly(up, around(y, height), 6), lines)
     };
     Some(Figure {

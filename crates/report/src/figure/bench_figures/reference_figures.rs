@@ -29,7 +29,7 @@ pub(super) fn acceleration(reference: &ReferenceFinding) -> Option<Figure> {
     let both = drawn(&reference.acceleration, [Pen::Raw, Pen::Faint], &mut tally);
     let alone: Vec<Line> = both.iter().take(1).cloned().collect();
     let mut panels = panels("L ξ″ (m/s²)", vec![both, alone])?;
-    for (panel, heading) in panels.iter_mut().zip(["smoothed, on the paper's", "smoothed, alone"]) {
+    for (panel, heading) in panels.iter_mut().zip(["smoothed, and the paper's second difference", "smoothed, alone"]) {
         panel.heading = heading.to_owned();
     }
     Some(Figure {

@@ -1,6 +1,6 @@
 //! The method in words and equations, with the options that were used.
 
-use super::super::exact;
+use super::super::{exact, plain};
 use crate::number;
 use crate::text::shown;
 use flight::Clock;
@@ -179,9 +179,10 @@ fn verdicts(channels: &[ChannelDynamics]) -> Markup {
     let has = |verdict| channels.iter().any(|c| c.verdict == verdict);
     html! {
         p {
-            "Verdicts: “late” or “early” if the 95 % interval excludes zero; “on time” if the delay lies within the \
-             margin ±δ (equivalence test: two one-sided tests of 5 %, so that the 90 % interval lies inside); else “not decided”, with the smallest delay that \
-             would be seen with a power of 80 %, 2.8 u"
+            "Verdicts: “on time” if the 90 % interval lies within the margin (equivalence test: two one-sided tests of \
+             5 %). The margin is δ, half the interval between updates but at least 5 ms; where the 95 % interval excludes \
+             zero, it is 5 ms. A number in the rig file replaces both. Otherwise “late” or “early” if the 95 % interval \
+             excludes zero; else “not decided”, with the smallest delay that would be seen with a power of 80 %, 2.8 u"
             @if has(Verdict::Inconclusive) { ", and the length T (2.8 u/δ)² of a record that would decide" }
             ". The quality gate comes before any verdict. “No delay” is never reported without the number that proves \
              it."
@@ -202,7 +203,7 @@ fn dynamics(channels: &[ChannelDynamics]) -> Markup {
                  the next is within 6. The sum of delay and lags is known far better than the parts. "))
             @if let Some(found) = responses().next() {
                 "Frequency responses are H₁ = S_xy/S_xx by Welch's method (Hann, half overlapping, segments of "
-                (exact(found.segment_s)) " s), after the fitted delay was taken out; its phase is put back afterwards. 95 % \
+                (plain(found.segment_s, 3)) " s), after the fitted delay was taken out; its phase is put back afterwards. 95 % \
                  bands are 1.96 √((1 − γ²)/(2 n γ²)) with n effective averages; bins with γ² below 0.6 or with less than 1 % \
                  of the peak power of the reference are pale and not relied on. "
             }

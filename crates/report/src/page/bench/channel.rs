@@ -3,10 +3,9 @@
 use super::super::Head::{Number, Text};
 use super::super::{
     basis, estimate, exact, fact, figure, finding, health, met_badge, no_number, or_why, plain, rows, table,
-    verdict_or_doubt,
 };
 use super::overview::{MOST_CHANNELS, interval_ms, kind};
-use super::{duration, is_in_doubt};
+use super::{channel_badge, duration};
 use crate::figure::{ChannelFigures, Figure, KINDS};
 use crate::number;
 use crate::text::{ended, shown};
@@ -49,7 +48,7 @@ fn details(channel: &ChannelDynamics, figures: &ChannelFigures, doubts: &[String
     let is_open = channel.verdict == Verdict::Delayed;
     html! {
         details.channel open=[is_open.then_some("open")] {
-            summary { code { (shown(&channel.name)) } (verdict_or_doubt(channel.verdict, is_in_doubt(channel, doubts))) (summary(channel)) }
+            summary { code { (shown(&channel.name)) } (channel_badge(channel, doubts)) (summary(channel)) }
             div id={ (figures.anchor) "-channel" } {
                 p { (shown(&channel.reason)) }
                 (delay_table(channel))
@@ -78,7 +77,8 @@ fn details(channel: &ChannelDynamics, figures: &ChannelFigures, doubts: &[String
 
 fn summary(channel: &ChannelDynamics) -> Markup {
     html! {
-        @if let Some(found) = &channel.delay { (estimate(&verdict::in_millis(&verdict::delay(found)))) " ms" }
+        @if channel.is_anchor() { (verdict::ZERO_BY_DEFINITION) }
+        @else if let Some(found) = &channel.delay { (estimate(&verdict::in_millis(&verdict::delay(found)))) " ms" }
     }
 }
 
@@ -91,6 +91,7 @@ fn optional(shown: Option<&Figure>) -> Markup {
 fn delay_table(channel: &ChannelDynamics) -> Markup {
     let facts = html! {
         @match &channel.delay {
+            Some(_) if channel.is_anchor() => { (fact("Delay", verdict::ZERO_BY_DEFINITION)) }
             Some(found) => { (delay_facts(channel, found)) }
             None => { (fact("Delay", no_number(&channel.reason))) }
         }
@@ -121,11 +122,11 @@ fn delay_facts(channel: &ChannelDynamics, found: &DelayFinding) -> Markup {
         }))
         (fact("Standard uncertainty", html! {
             (ms(found.standard_uncertainty_s)) ": the larger of " (ms(found.hessian_s)) " (Hessian) and "
-            (ms(found.hac_s)) " (sandwich, HAC), with the part that the components share of " (ms(found.reference_s))
-            " of the reference, " (ms(found.stamps_s)) " of the timestamps and " (ms(found.anchor_s))
-            " of the anchor in quadrature"
+            (ms(found.hac_s)) " (sandwich, HAC). It includes " (ms(found.reference_s)) " of the reference, "
+            (ms(found.stamps_s)) " of the timestamps and " (ms(found.anchor_s)) " of the anchor, added in quadrature."
             @if found.change_s > 0.0 {
-                ", and " (ms(found.change_s)) " so that the interval covers the delay of every part of the record"
+                " It also includes " (ms(found.change_s)) ", so that the interval covers the delay of every part of \
+                 the record."
             }
         }))
         (fact("Cramér–Rao bound at the fitted noise", ms(found.crlb_s)))
@@ -215,7 +216,7 @@ fn model(channel: &ChannelDynamics, model: &ModelFinding) -> Markup {
     let head = [Text("Candidate"), Number("ΔBIC"), Number("Delay (ms)"), Number("Lags (ms)"), Number("Gain")];
     html! {
         p { (shown(&model.text)) }
-        p { "Delay and lags together, the group delay at low frequency: " b { (estimate(&verdict::in_millis(&model.sum_s))) " ms" } "." }
+        p { "Delay and lags together, the group delay at low frequency: " b { (estimate(&verdict::in_millis(&model.sum_s))) " ms" } "; its U is without the part of the timestamps." }
         (table(&format!("Candidates for {}; ± is U with k = 2", channel.name), &head, rows(&model.candidates, MOST, head.len(), row)))
     }
 }
@@ -223,8 +224,7 @@ fn model(channel: &ChannelDynamics, model: &ModelFinding) -> Markup {
 fn bandwidth(found: &ResponseFinding) -> Markup {
     html! {
         p {
-            "Bandwidth (−3 dB) of the fitted model: " b { (shown(&found.bandwidth)) }
-            @if let Some(hz) = found.bandwidth_hz { " (" (plain(hz, 3)) " Hz)" } "."
+            "Bandwidth (−3 dB) of the fitted model: " b { (shown(&found.bandwidth)) } "."
         }
     }
 }
@@ -290,7 +290,7 @@ fn injections(channel: &ChannelDynamics) -> Markup {
         Number("Gain multiplied by"),
         Number("Recovered − added (ms)"),
         Number("from, to (ms)"),
-        Number("Recovered − injected"),
+        Number("Recovered − injected gain"),
         Number("from, to"),
     ];
     html! {

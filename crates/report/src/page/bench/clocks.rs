@@ -10,7 +10,7 @@ use record::{ClockFinding, Estimate, HullFinding, PpsFinding, TimeBasis};
 pub(super) fn section(clocks: &ClockFinding) -> Markup {
     let facts = html! {
         (fact("Delays are measured against", basis(&clocks.basis)))
-        (fact("So they are", what_they_are(&clocks.basis)))
+        (fact("Delays are", what_they_are(&clocks.basis)))
         (fact("Skew of the sensor's clock", finding(&clocks.skew, ppm)))
         (fact("Lag of the anchor against the encoder as logged",
             or_why(clocks.anchor_lag_s.as_ref(), "no anchor was needed", |lag| html! {

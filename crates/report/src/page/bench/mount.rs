@@ -88,6 +88,12 @@ pub(in crate::page) fn soft_iron(rows: &[[f64; 3]], uncertainties: &[[f64; 3]]) 
 
 fn magnetometer(found: &MagnetometerFinding, unit: &str) -> Markup {
     let degrees = |e| html! { (estimate(&number::scaled(e, 1f64.to_degrees()))) "°" };
+    let no_ratio = if unit == "µT" { "no model was used" } else { "the scale is the sensor's own" };
+    let no_dip = match found.kind.as_str() {
+        "planar" if found.azimuths == 1 => "one azimuth does not show it",
+        "planar" => "these azimuths do not show it",
+        _ => "no model was used",
+    };
     let facts = html! {
         (fact("Fit", html! { (shown(&found.kind)) ", from " (number::counted(found.azimuths, "azimuth", "azimuths")) }))
         @for (axis, iron) in ["x", "y", "z"].into_iter().zip(&found.hard_iron) {
@@ -96,8 +102,8 @@ fn magnetometer(found: &MagnetometerFinding, unit: &str) -> Markup {
         (fact("Soft iron, row by row", soft_iron(&found.soft_iron, &found.soft_iron_standard_uncertainty)))
         (fact("Condition number of the fit", or_why(found.condition, "a planar fit has no common one", |c| plain(c, 2))))
         (fact(&format!("Rms of residuals ({unit})"), plain(found.residual_rms, 3)))
-        (fact("Size of the field over the model's", or_why(found.magnitude_ratio.as_ref(), "no model was used", estimate)))
-        (fact("Dip less the model's", or_why(found.dip_error_rad.as_ref(), "no model was used", degrees)))
+        (fact("Size of the field over the model's", or_why(found.magnitude_ratio.as_ref(), no_ratio, estimate)))
+        (fact("Dip less the model's", or_why(found.dip_error_rad.as_ref(), no_dip, degrees)))
     };
     html! {
         p { (shown_block(&found.text)) }

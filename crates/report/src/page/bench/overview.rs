@@ -1,10 +1,8 @@
 //! All channels in one table, Fig. 4, and whether the swing is suitable for a measurement.
 
 use super::super::Head::{self, Number, Text};
-use super::super::{
-    basis, estimate, figure, finding, met_badge, no_number, or_why, plain, rows, table, verdict_or_doubt,
-};
-use super::is_in_doubt;
+use super::super::{basis, estimate, figure, finding, met_badge, no_number, or_why, plain, rows, table};
+use super::channel_badge;
 use crate::figure::{BenchFigures, ChannelFigures, main_component};
 use crate::number;
 use crate::text::shown;
@@ -67,17 +65,24 @@ fn channel_table(both: &[(&ChannelDynamics, &ChannelFigures)], head: &[Head], do
 const NO_DELAY: &str = "not fitted";
 
 fn row(channel: &ChannelDynamics, figures: &ChannelFigures, doubts: &[String]) -> Markup {
-    let delay = channel.delay.as_ref();
+    let is_anchor = channel.is_anchor();
+    let delay = channel.delay.as_ref().filter(|_| !is_anchor);
+    let no_delay = if is_anchor { "the anchor" } else { NO_DELAY };
     let main = main_component(channel);
     html! {
         tr {
             th scope="row" {
                 a href={ "#" (figures.anchor) "-channel" } { (shown(&channel.name)) }
             }
-            td { (verdict_or_doubt(channel.verdict, is_in_doubt(channel, doubts))) }
-            td.n { (or_why(delay, NO_DELAY, delay_cell)) }
-            td.n { (or_why(delay, NO_DELAY, |d| plain(d.minimum_detectable_s * 1e3, 2))) }
-            td.any { (finding(&channel.model, model_word)) }
+            td { (channel_badge(channel, doubts)) }
+            td.n { @if is_anchor { (verdict::ZERO_BY_DEFINITION) } @else { (or_why(delay, NO_DELAY, delay_cell)) } }
+            td.n { (or_why(delay, no_delay, |d| plain(d.minimum_detectable_s * 1e3, 2))) }
+            td.any {
+                @match channel.model.found() {
+                    None if is_anchor => { (no_number(no_delay)) }
+                    _ => { (finding(&channel.model, model_word)) }
+                }
+            }
             td.n {
                 @if channel.lags().is_some() { (no_number("a lag's gain depends on the frequency")) }
                 @else { (or_why(main.and_then(|c| c.gain.as_ref()), "not fitted", estimate)) }

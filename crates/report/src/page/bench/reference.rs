@@ -53,7 +53,9 @@ fn geometry(reference: &ReferenceFinding) -> Markup {
         }))
         (fact("Bar angle at count zero", html! { (degrees(&reference.zero_rad)) " (" (shown(&reference.zero_source)) ")" }))
         (fact("Azimuth of the swing plane, from north over east", match &reference.azimuth_rad {
-            Some(azimuth) => html! { (degrees(azimuth)) " (" (shown(&reference.azimuth_source)) ")" },
+            Some(azimuth) => html! {
+                (degrees(&Estimate { value: azimuth.value.rem_euclid(std::f64::consts::TAU), ..*azimuth })) " (" (shown(&reference.azimuth_source)) ")"
+            },
             None => html! { (no_number("no channel needs it")) },
         }))
     }
