@@ -425,6 +425,7 @@ catalogue! {
              scatter.",
             "Nothing.";
         DelayRemark, "delay-remark", Grey, "A remark about the fit.", "Nothing.";
-        Companion, "companion", Grey, "The file belongs to a flight and is not a flight itself.", "Nothing.";
+        Companion, "companion", Grey,
+            "The file has no position of its own vehicle, so it is not a flight. The text says what it holds.", "Nothing.";
     }
 }

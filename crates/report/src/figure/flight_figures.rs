@@ -271,7 +271,10 @@ fn turn(replay: &ReplayRecord, zoom: &Zoom) -> Option<Figure> {
     Some(Figure {
         id: "turn".to_owned(),
         number: 0,
-        title: format!("The delay as a length: up to {}\u{a0}m in the hardest turn", number::significant(longest, 2)),
+        title: format!(
+            "Raw to compensated, with the age of the fix: up to {}\u{a0}m in the hardest turn",
+            number::significant(longest, 2)
+        ),
         caption: format!(
             "The turn of Fig. 7 from above, {} to {}, equal scales; a wide line each second from a fix to where the compensated \
              position then is.",

@@ -233,8 +233,8 @@ fn alarms(alarms: &[DelayAlarm]) -> Markup {
     html! {
         @for alarm in alarms {
             @match alarm.gravity {
-                Gravity::Red => { p.why { (badge("bad", "!", "Alarm")) " " (shown_block(&alarm.text)) } }
-                Gravity::Amber => { p.why.unsure { (badge("unsure", "!", "Warning")) " " (shown_block(&alarm.text)) } }
+                Gravity::Red => { p.why { (badge("bad", "!", "Red alarm")) " " (shown_block(&alarm.text)) } }
+                Gravity::Amber => { p.why.unsure { (badge("unsure", "!", "Amber alarm")) " " (shown_block(&alarm.text)) } }
                 Gravity::Grey => { p.note { (shown(&alarm.text)) } }
             }
         }
@@ -320,7 +320,7 @@ pub(super) fn alarm_badges(alarms: &[DelayAlarm]) -> Markup {
         let plural = if count == 1 { "" } else { "s" };
         html! { @if count > 0 { (badge(class, "!", &format!("{count} {word}{plural}"))) } }
     };
-    html! { (one(Gravity::Red, "bad", "alarm")) (one(Gravity::Amber, "unsure", "warning")) }
+    html! { (one(Gravity::Red, "bad", "red alarm")) (one(Gravity::Amber, "unsure", "amber alarm")) }
 }
 
 /// Error before and after, in the table of all flights.

@@ -130,8 +130,9 @@ fn changing(flights: &[FlightRow]) -> Option<Action> {
 fn copies(flights: &[FlightRow]) -> Option<Action> {
     let rows: Vec<&FlightRow> = flights.iter().filter(|r| r.duplicate_of.is_some()).collect();
     let what = html! {
-        "Take " (number::counted(rows.len() as u64, "log", "logs")) " out of the folder: the same flights are in it under other names. They are not counted twice. "
-        (names(&rows)) "."
+        "Take " (number::counted(rows.len() as u64, "log", "logs")) " out of the folder: " (names(&rows)) ". "
+        @if rows.len() == 1 { "The same flight is in it under another name. It is left out of the means, but counted above." }
+        @else { "The same flights are in it under other names. They are left out of the means, but counted above." }
     };
     (!rows.is_empty()).then_some(Action { saves_m: 0.0, what })
 }
