@@ -121,8 +121,8 @@ catalogue! {
                  else confirms the bytes, or where the log states that what was read may be wrong.",
                 "Nothing, if you do not need them. If the log is newer than this release, update flightlag.";
             MapLacks, "map-lacks", [Warning],
-                "Your own channel map names a field that the log lacks, so no channel is bound. For one log the exit code is 2. \
-                 `delay` raises it as a red alarm.",
+                "Your own channel map names a field that the log lacks, so no channel is bound. For one log the exit code is 2 \
+                 with `delay` and `inspect`, and 1 with `export`. `delay` raises it as a red alarm.",
                 "Correct the map. `flightlag inspect` lists topics and fields, `flightlag maps --suggest` prints a map that fits.";
         }
         "Reading" {
