@@ -356,7 +356,7 @@ fn lead_title(lead: &LeadCurves) -> Option<String> {
         format!("{metres}\u{a0}m{}", millis.unwrap_or_default())
     };
     let moved = format!("Compensation moves the position ahead by {}", words(lead.of.first()?));
-    let reference = lead.of.get(1).map(|reference| format!(", the reference is {} ahead", words(reference)));
+    let reference = lead.of.get(1).map(|reference| format!("; the reference is {} ahead", words(reference)));
     Some(moved + &reference.unwrap_or_default())
 }
 

@@ -87,8 +87,10 @@ pub(super) fn answer(record: &FlightRecord) -> Markup {
 fn late(lateness: &FlightLateness) -> Markup {
     let first = lateness.words.find(". ").map_or(lateness.words.len(), |end| end + 1);
     let (first, rest) = lateness.words.split_at(first);
+    let kind = kind_words(lateness);
     html! {
-        b { (ended(first)) } " " (ended(&kind_words(lateness)))
+        @if lateness.kind == DelayKind::CannotTell { b { (kind) ": " (ended(first)) } }
+        @else { b { (ended(first)) } " " (ended(&kind)) }
         @if !rest.is_empty() { span.note { (ended(rest)) } }
         (interval(lateness.lateness.as_ref()))
     }
@@ -110,8 +112,8 @@ fn error(record: &FlightRecord, effect: &Effect) -> Markup {
     // If nothing was removed, nothing can have changed.
     let is_judged = !matches!(record.outcome, Outcome::Uncompensated { .. });
     html! {
-        @if is_judged { (effect_badge(effect.verdict)) " " (ended(after_verdict(&effect.words))) }
-        @else { (ended(&capitalised(after_verdict(&effect.words)))) }
+        @if is_judged { (effect_badge(effect.verdict)) " " }
+        (ended(&capitalised(after_verdict(&effect.words))))
         @if let Some(best) = effect.best_m.filter(|_| effect.short_by.is_some()) {
             " With the best delay it would be " b { (plain(best, 2)) "\u{a0}m" } "."
         }
@@ -164,7 +166,7 @@ fn todo(record: &FlightRecord, lateness: &FlightLateness) -> Markup {
             }
         }
         @if !advice.set.is_empty() { "Set " (settings(advice)) "." }
-        @if let Some(fly) = &advice.fly { @if tested.is_some() || !advice.set.is_empty() { " " } "To know more: " (ended(fly)) }
+        @if let Some(fly) = &advice.fly { @if tested.is_some() || !advice.set.is_empty() { " " } "To know more: " (ended(&uncapitalised(fly))) }
     }
 }
 
@@ -191,7 +193,7 @@ fn removed(record: &FlightRecord, decision: &Decision) -> Markup {
                     }))) "\u{a0}ms"
                 }
                 @if let Some(used) = used { " (" (source_phrase(used)) ")" }
-                ": " (ended(&decision.words))
+                ". " (ended(&capitalised(&decision.words)))
                 @if let Some(tested) = tested(record) {
                     " The error against " code { (shown(tested.reference)) } " is least at " b { (estimate(&in_millis(&tested.best_s))) "\u{a0}ms" }
                     @if tested.e_n.abs() <= 1.0 { ", which agrees." } @else { ", which differs (E_n = " (plain(tested.e_n, 2)) ")." }
@@ -204,7 +206,7 @@ fn removed(record: &FlightRecord, decision: &Decision) -> Markup {
             {
                 b { "Nothing." } " " (ended(&capitalised(reason)))
             }
-            (None, _) => { b { "Nothing." } " " (ended(decision.words.trim_end_matches(" Nothing is removed."))) }
+            (None, _) => { b { "Nothing." } " " (ended(&capitalised(decision.words.trim_end_matches(" Nothing is removed.")))) }
         }
     }
 }
@@ -213,6 +215,12 @@ fn removed(record: &FlightRecord, decision: &Decision) -> Markup {
 fn capitalised(words: &str) -> String {
     let mut letters = words.chars();
     letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
+}
+
+/// The text with a small first letter, as after a colon.
+fn uncapitalised(words: &str) -> String {
+    let mut letters = words.chars();
+    letters.next().map_or_else(String::new, |first| first.to_lowercase().chain(letters).collect())
 }
 
 /// The sentence of an effect without the verdict, which is in the badge.

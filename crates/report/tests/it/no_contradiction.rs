@@ -146,10 +146,24 @@ fn a_flight_that_was_not_replayed_has_no_removed_delay() {
 }
 
 #[test]
+fn an_unknown_lateness_starts_with_cannot_tell() {
+    let unknown = FlightLateness {
+        kind: DelayKind::CannotTell,
+        words: "the vehicle does not travel. Fly circles".into(),
+        ..lateness()
+    };
+    let text = top(&FlightRecord { lateness: Some(unknown), ..record() });
+    assert!(text.contains("How lateCannot tell: the vehicle does not travel. Fly circles."), "{text}");
+}
+
+#[test]
 fn sentences_end_with_one_full_stop_and_verdicts_appear_once() {
     let text = top(&record());
     assert!(!text.contains("..") && !text.contains("helped: "), "{text}");
-    assert!(text.contains("What was measured contradicts it.") && text.contains("Fly 2 minutes of turns."), "{text}");
+    assert!(
+        text.contains("What was measured contradicts it.") && text.contains("To know more: fly 2 minutes of turns."),
+        "{text}"
+    );
     assert!(!text.contains("95 % interval"), "± U says it: {text}");
     assert!(text.contains("This rests on velocity.gps"), "{text}");
 }

@@ -64,7 +64,7 @@ fn set(group: &GroupLateness, flights: &[FlightRow]) -> Option<Action> {
         "Set " (settings(&group.advice.set)) " for " b { bdi { (shown(&group.group.name)) } }
         @if is_short { " instead of what was removed" }
         @if let Some((now, then)) = metres {
-            ": error " (number::significant(now, 3)) " → " (number::significant(then, 2)) " m (median of "
+            ": error " (number::significant(now, 3)) " → " (number::significant(then, 2)) " m (" @if errors.len() > 1 { "median of " }
             (number::counted(errors.len() as u64, "flight", "flights")) ")"
         }
         @if !outliers.is_empty() { ". Not for " (names(&outliers)) ", which " @if outliers.len() == 1 { "differs" } @else { "differ" } }
