@@ -254,4 +254,6 @@ fn two_pipelines_over_the_same_flights_differ_only_by_settings() {
     assert!(same.contains("2 flights in both: 0 numbers moved"), "{same}");
     let wrong = text(&flightlag(["diff", &first, &logs]).output().unwrap().stderr);
     assert!(wrong.contains("not a campaign report: it has no campaign.json"), "{wrong}");
+    let wrong = text(&run(["diff", &old, &new], 2).stderr);
+    assert!(wrong.contains("old.toml is a pipeline: add --flights FOLDER and --out DIR"), "{wrong}");
 }

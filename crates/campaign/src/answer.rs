@@ -325,7 +325,7 @@ fn words(out: &FlightLateness, pair: Option<&PairDelay>, over_time: Option<&Dela
         text += &format!(". No other pair checks {}", rests_on.trim_end_matches(", unchecked"));
     }
     if let Some(x) = out.lever_arm_s_per_decimetre {
-        text += &format!(". ± {:.0} ms for each 0.1 m of unknown lever arm", 1e3 * x.abs());
+        text += &format!(". Each 0.1 m of unknown lever arm adds ± {:.0} ms", 1e3 * x.abs());
     }
     text
 }

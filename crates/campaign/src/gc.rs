@@ -30,7 +30,7 @@ pub struct Garbage {
 pub fn gc(out: &Path, dry_run: bool, context: &RunContext<'_>) -> Result<Garbage, CampaignError> {
     let refused = |what: &str| CampaignError::Asked(format!("{}: {what}", out.display()));
     if read_unopened(out, LOCK)?.is_none() {
-        return Err(refused("is not an output folder of a campaign"));
+        return Err(CampaignError::Asked(format!("{} is not an output folder of flightlag", out.display())));
     }
     refuse_other_kind(out, BENCH_MARK, "a bench")?;
     let store = if dry_run { Store::open_to_read(out) } else { Store::open(out) }?;

@@ -53,7 +53,7 @@ pub struct DelayLine {
     /// Alarms, the most severe first.
     pub alarms: Vec<LineAlarm>,
     /// `whole`, `tail-cut` (a last record cut at power-off, no loss), `minor-loss` (less than 0.1 % of the log was
-    /// lost, without effect on results), `damaged`, `failed`, `companion` (not a flight, but accompanies one), or
+    /// lost, without effect on results), `damaged`, `failed`, `companion` (a log that is not a flight), or
     /// `pending` without a result yet.
     pub data: String,
     /// The lateness as a sentence.

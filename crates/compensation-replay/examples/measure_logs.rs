@@ -47,7 +47,7 @@ fn print_pair(pair: &PairDelay) {
             let offer = pair.excitation.as_ref();
             println!(
                 "  {name}: {:.1} ± {half:.1} ms (curvature {:.1}, sandwich {:.1}, bound {:.1}); moving {:.2}, left over {:.2}, \
-                 {} samples, {} piece(s), held back {:.3}; change from {:.1} ms on",
+                 {} samples, {} pieces, held back {:.3}; change from {:.1} ms on",
                 1e3 * d.delay_s.value,
                 1e3 * d.hessian_s,
                 1e3 * d.hac_s,

@@ -41,7 +41,7 @@ pub enum Refusal {
         b: Clock,
     },
     /// A channel has too few samples.
-    #[error("{channel} has {rows} usable sample(s); at least {least} are needed")]
+    #[error("{channel} has too few usable samples: {rows}; at least {least} are needed")]
     TooShort {
         /// Its name.
         channel: String,

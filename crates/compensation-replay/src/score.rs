@@ -77,12 +77,18 @@ pub(crate) fn resets(input: &Input, innovations: &Innovations, notices: &mut Not
         .collect();
     if let Some(&first) = jumps.first() {
         let size = innovations.exact[0][first].hypot(innovations.exact[1][first]);
-        notices.push(
-            Code::PositionReset,
-            format!("t = {:.3} s", input.position.t[innovations.fix[first] as usize]),
-            jumps.len() as u64,
-            format!("fixes jump by more than five sigma against the integrated velocity, the first by {size:.2} m; they are passed through unchanged"),
-        );
+        let text = match jumps.len() {
+            1 => format!(
+                "a fix jumps by {size:.2} m, more than five sigma, against the integrated velocity; it is passed through \
+                 unchanged"
+            ),
+            _ => format!(
+                "fixes jump by more than five sigma against the integrated velocity, the first by {size:.2} m; they are \
+                 passed through unchanged"
+            ),
+        };
+        let place = format!("t = {:.3} s", input.position.t[innovations.fix[first] as usize]);
+        notices.push(Code::PositionReset, place, jumps.len() as u64, text);
     }
     jumps.len() as u64
 }

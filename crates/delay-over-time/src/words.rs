@@ -216,9 +216,21 @@ pub(crate) fn remarks(found: &Found, v: &Verdict) -> Vec<String> {
     }
     if found.fixes_used > 0 && found.noise.shape.jitter == 0.0 && found.fixes_used * 2 < found.queued.rows.len() {
         let every = found.queued.rows.len().div_ceil(found.fixes_used);
-        out.push(format!("1 of {every} fixes was used."));
+        out.push(format!("Every {} fix was used for the test of change.", ordinal(every)));
     }
     out
+}
+
+/// `3rd`, `4th`, `11th`, `21st`.
+fn ordinal(n: usize) -> String {
+    let ending = match (n % 100, n % 10) {
+        (11..=13, _) => "th",
+        (_, 1) => "st",
+        (_, 2) => "nd",
+        (_, 3) => "rd",
+        _ => "th",
+    };
+    format!("{n}{ending}")
 }
 
 fn sure(e: Effect) -> Option<record::Estimate> {
@@ -380,10 +392,16 @@ mod tests {
     }
 
     #[test]
+    fn ordinals_have_their_endings() {
+        let all = [3, 4, 11, 12, 13, 21, 22, 103, 111].map(ordinal);
+        assert_eq!(all, ["3rd", "4th", "11th", "12th", "13th", "21st", "22nd", "103rd", "111th"]);
+    }
+
+    #[test]
     fn thinning_and_single_late_fixes_are_reported() {
         let mut f = found(&[0.2; 12], 0.01);
         f.fixes_used = 500;
-        assert_eq!(remarks(&f, &judged(&f)).last().unwrap(), "1 of 3 fixes was used.");
+        assert_eq!(remarks(&f, &judged(&f)).last().unwrap(), "Every 3rd fix was used for the test of change.");
         f.fixes_used = 600;
         assert_eq!(remarks(&f, &judged(&f)).len(), 1);
         f.odd.late = vec![record::LateFix { t_s: 120.0, late_s: 0.4 }; 3];

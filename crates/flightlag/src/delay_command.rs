@@ -63,7 +63,13 @@ fn visible_lines(text: &str) -> String {
 pub(crate) fn text(flights: &[DelayLine], groups: &[GroupLine], most: usize) -> String {
     match flights {
         [one] => one_flight(one),
-        _ => format!("{}\n{}{}", groups_text(groups), flights_text(flights, most), alarms_text(flights)),
+        _ => {
+            groups_text(groups)
+                + "\n"
+                + &flights_text(flights, most)
+                + &alarms_text(flights)
+                + &companions_text(flights)
+        }
     }
 }
 
@@ -159,6 +165,22 @@ fn flights_text(flights: &[DelayLine], most: usize) -> String {
         n => format!("  and {}\n", count(n as u64, "more flight")),
     };
     format!("{}{more}", table.text())
+}
+
+/// Files that are not flights, with the reason.
+fn companions_text(flights: &[DelayLine]) -> String {
+    let all: Vec<&DelayLine> = flights.iter().filter(|line| line.data == "companion").collect();
+    let mut text = String::new();
+    if !all.is_empty() {
+        text += "\nnot a flight\n";
+    }
+    for line in all.iter().take(MOST_ALARMS) {
+        text += &format!("  {}: {}\n", line.flight, line.words);
+    }
+    if all.len() > MOST_ALARMS {
+        text += &format!("  and {} more\n", all.len() - MOST_ALARMS);
+    }
+    text
 }
 
 /// The most severe alarms first; grey ones only on the page and in JSON.

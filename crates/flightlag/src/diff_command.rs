@@ -18,7 +18,10 @@ const MOST: usize = 50;
 pub(crate) fn run(arguments: &DiffArguments, stop: &Stop) -> Result<End, Failure> {
     let (before, now, exit) = match &arguments.flights {
         Some(flights) => both_pipelines(arguments, flights, stop)?,
-        None => (arguments.before.clone(), arguments.now.clone(), Exit::Well),
+        None => {
+            refuse_pipelines([&arguments.before, &arguments.now])?;
+            (arguments.before.clone(), arguments.now.clone(), Exit::Well)
+        }
     };
     let found = history::diff(&before, &now, arguments.out.as_deref())?;
     if let Some(out) = &arguments.out {
@@ -37,6 +40,18 @@ pub(crate) fn run(arguments: &DiffArguments, stop: &Stop) -> Result<End, Failure
         }
     }
     Ok(exit.into())
+}
+
+/// Without flights, a pipeline cannot be compared.
+fn refuse_pipelines(paths: [&PathBuf; 2]) -> Result<(), Failure> {
+    let is_pipeline = |path: &&PathBuf| path.is_file() && path.extension().is_some_and(|ending| ending == "toml");
+    match paths.into_iter().find(is_pipeline) {
+        Some(path) => Err(Failure::new(
+            Exit::Wrong,
+            format!("{} is a pipeline: add --flights FOLDER and --out DIR", path.display()),
+        )),
+        None => Ok(()),
+    }
 }
 
 /// Runs a campaign with each pipeline, into OUT/first and OUT/second. The exit code is that of the second.
@@ -81,17 +96,19 @@ fn both_pipelines(arguments: &DiffArguments, flights: &Path, stop: &Stop) -> Res
 fn text(found: &DiffRecord) -> String {
     let changes = &found.changes;
     let (by_sigmas, by_a_tenth) = changes.moved_counts();
+    let (failing, failing_new) = changes.failing_and_new();
+    let of_new = if failing_new.is_empty() { String::new() } else { format!(" ({} failing)", failing_new.len()) };
     let mut text = format!("first:  {}\nsecond: {}\n", report_line(&found.before), report_line(&found.now));
     for line in &found.settings {
         text += &format!("  {}\n", visible(line));
     }
     text += &format!(
-        "{} in both: {} moved by more than 2 sigma, {} by more than 10 % (uncertainty unknown), {} with another result, {} newly failing; {} only in the second, {} only in the first\n",
+        "{} in both: {} moved by more than 2 sigma, {} by more than 10 % (uncertainty unknown), {} with another result, {} newly failing; {} only in the second{of_new}, {} only in the first\n",
         count(changes.compared, "flight"),
         count(by_sigmas as u64, "number"),
         by_a_tenth,
         changes.rerun.len(),
-        changes.failing.len(),
+        failing.len(),
         changes.new.len(),
         changes.gone.len()
     );
@@ -182,14 +199,16 @@ fn lists(changes: &RunChanges) -> String {
         all.iter().take(MOST).for_each(|flight| table.row(vec![flight.flight.clone()]));
         section(title, &table, all.len())
     };
-    words("newly failing", &changes.failing)
+    let (failing, failing_new) = changes.failing_and_new();
+    words("newly failing", &failing)
         + &section("another value recommended", &advice, changes.advice.len())
-        + &words("no longer failing", &changes.recovered)
+        + &words("no longer failing", &changes.recovered_from())
         + &words("new alarms", &changes.alarms_new)
         + &words("alarms cleared", &changes.alarms_cleared)
         + &words("new remarks", &changes.remarks_new)
         + &words("remarks cleared", &changes.remarks_cleared)
         + &names("only in the second", &changes.new)
+        + &words("failing, only in the second", &failing_new)
         + &names("only in the first", &changes.gone)
 }
 

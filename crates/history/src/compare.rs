@@ -74,9 +74,13 @@ impl Flight<'_> {
         (!words.is_empty()).then(|| FlightWords { flight: self.named.clone(), words, error, texts })
     }
 
-    /// Troubles with the first reason available.
+    /// Troubles with the first reason available. A reason does not repeat its trouble.
     fn failing(&self, troubles: Vec<String>) -> Option<FlightWords> {
-        let error = troubles.iter().find_map(|trouble| self.text(trouble)).map(str::to_owned);
+        let of = |trouble: &String| {
+            let text = self.text(trouble)?;
+            Some(text.strip_prefix(&format!("{trouble}: ")).unwrap_or(text).to_owned())
+        };
+        let error = troubles.iter().find_map(of);
         self.words(troubles, error.as_deref(), vec![])
     }
 
@@ -375,6 +379,16 @@ mod tests {
         // A flight that cannot be read shows no alarm, and clears none.
         let failed = Row { outcome: "failed".into(), alarms: None, ..row("a") };
         assert_eq!(changes(&[row("a")], &[failed]).alarms_cleared, vec![]);
+    }
+
+    #[test]
+    fn a_harmed_flight_says_so_once() {
+        let harmed = Row { effect: Some("harmed".into()), ..row("a") };
+        let words = BTreeMap::from([("harmed".to_owned(), "harmed: 7.02 → 8.79 m".to_owned())]);
+        let texts = Texts::from([(("c".to_owned(), "a".to_owned()), words)]);
+        let found = compare(&latest_of([row("a")]), &[harmed], &texts, &|_, _| None);
+        assert_eq!(found.failing[0].words, ["harmed"]);
+        assert_eq!(found.failing[0].error.as_deref(), Some("7.02 → 8.79 m"));
     }
 
     #[test]

@@ -48,7 +48,8 @@ pub fn trend(latest: &[&Brief], dimensions: &[Dimension], looks: Looks, page: Pa
     let mut trend = Trend::default();
     for (key, mut rows) in series {
         if rows.len() < FEWEST {
-            *left_out.entry(format!("on a chart of fewer than {FEWEST} flights")).or_default() += rows.len() as u64;
+            *left_out.entry(format!("whose chart would have fewer than {FEWEST} flights")).or_default() +=
+                rows.len() as u64;
             continue;
         }
         rows.sort_by_key(|row| (row.order(), &row.campaign, &row.flight));

@@ -82,6 +82,17 @@ pub struct TroubleChange {
     pub troubles: Vec<String>,
 }
 
+/// A problem that is gone: `was harmed`.
+#[must_use]
+pub fn in_the_past(trouble: &str) -> String {
+    match trouble {
+        "log damaged" => "log was damaged".to_owned(),
+        "failed" => "had failed".to_owned(),
+        _ if trouble.starts_with("criterion ") => trouble.to_owned(),
+        _ => format!("was {trouble}"),
+    }
+}
+
 impl CampaignChanges {
     /// Whether the previous run had the same flights, results and settings.
     #[must_use]
@@ -94,5 +105,17 @@ impl CampaignChanges {
             && self.moved_groups.is_empty()
             && self.failing.is_empty()
             && self.recovered.is_empty()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_problem_that_is_gone_is_in_the_past() {
+        let all = ["not measurable", "harmed", "failed", "log damaged", "criterion late failed"].map(in_the_past);
+        let past = ["was not measurable", "was harmed", "had failed", "log was damaged", "criterion late failed"];
+        assert_eq!(all, past);
     }
 }

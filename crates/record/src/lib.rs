@@ -47,7 +47,7 @@ pub use crate::campaign::{CampaignRecord, CampaignTotals, FlightRow, IgnoredInpu
 pub use crate::card::{
     CARD_VERSION, CardChannel, CardMagnetometer, CardSource, CardUse, IronCalibration, SensorCard, SensorIdentity,
 };
-pub use crate::changes::{CampaignChanges, MadeWith, MovedDelay, RerunFlight, TroubleChange};
+pub use crate::changes::{CampaignChanges, MadeWith, MovedDelay, RerunFlight, TroubleChange, in_the_past};
 pub use crate::criteria::{
     CampaignCriteria, CriteriaUse, CriterionFinding, CriterionSummary, CriterionUnit, CriterionVerdict, DecisionRule,
     FlightCriteria, Limit, PassRate, RowVerdict, RowVerdicts, VerdictTally,

@@ -1,9 +1,10 @@
 //! Findings of a nightly run: changes since earlier runs, trends, and whether recommended settings worked.
 
-use crate::{CampaignTotals, Estimate};
+use crate::{CampaignTotals, Estimate, in_the_past};
 #[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 
 /// A flight of a campaign, and its page.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -156,6 +157,25 @@ impl RunChanges {
     pub fn moved_counts(&self) -> (usize, usize) {
         let known = self.moved.iter().filter(|moved| moved.sigmas.is_some()).count();
         (known, self.moved.len() - known)
+    }
+
+    /// Flights with a new problem that were there before, and new flights with a problem.
+    #[must_use]
+    pub fn failing_and_new(&self) -> (Vec<FlightWords>, Vec<FlightWords>) {
+        let new: BTreeSet<(&str, &str)> =
+            self.new.iter().map(|of| (of.campaign.as_str(), of.flight.as_str())).collect();
+        let is_new = |of: &NamedFlight| new.contains(&(of.campaign.as_str(), of.flight.as_str()));
+        self.failing.iter().cloned().partition(|of| !is_new(&of.flight))
+    }
+
+    /// Flights with a problem that is gone, each problem in the past: `was harmed`.
+    #[must_use]
+    pub fn recovered_from(&self) -> Vec<FlightWords> {
+        let past = |of: &FlightWords| FlightWords {
+            words: of.words.iter().map(|word| in_the_past(word)).collect(),
+            ..of.clone()
+        };
+        self.recovered.iter().map(past).collect()
     }
 }
 

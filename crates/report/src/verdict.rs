@@ -41,6 +41,8 @@ pub(crate) fn delay(found: &DelayFinding) -> Estimate {
 
 /// Probability below which flights count as different.
 pub(crate) const DIFFER_P: f64 = 0.01;
+/// Probability from which flights count as equal.
+pub(crate) const AGREE_P: f64 = 0.05;
 
 /// Whether the lateness of a group is relative to a velocity of unknown lateness.
 pub(crate) fn is_relative(group: &GroupLateness) -> bool {

@@ -253,12 +253,11 @@ const MOTION_HZ: f64 = 5.0;
 /// Why timestamps shared by several rows cannot show a delay; `stamps_s` is their standard uncertainty, s.
 pub(crate) fn refuse_stamps(stamps_s: f64, settings: &FlightDelaySettings) -> Option<String> {
     (stamps_s > settings.worst_sigma_s).then(|| {
+        let [known, limit] = against_limit(stamps_s, settings.worst_sigma_s);
         format!(
-            "several rows share one timestamp, and the coarse timestamps alone make a delay uncertain by ±{:.0} ms \
-             (standard uncertainty, limit {:.0} ms). Log with a finer clock, or use the timestamps of the device \
-             itself",
-            1e3 * stamps_s,
-            1e3 * settings.worst_sigma_s
+            "several rows share one timestamp, and the coarse timestamps alone make a delay uncertain by ±{known} ms \
+             (standard uncertainty, limit {limit} ms). Log with a finer clock, or use the timestamps of the device \
+             itself"
         )
     })
 }
@@ -281,13 +280,18 @@ pub(crate) fn refuse_fit(
         ));
     }
     uncertain.then(|| {
+        let [u, limit] = against_limit(known, settings.worst_sigma_s);
         format!(
-            "the delay would be known only to ±{:.0} ms (standard uncertainty, limit {:.0} ms). {}",
-            1e3 * known,
-            1e3 * settings.worst_sigma_s,
+            "the delay would be known only to ±{u} ms (standard uncertainty, limit {limit} ms). {}",
             what_to_fly(known, offer, motion)
         )
     })
+}
+
+/// An uncertainty and its limit, ms, with as many decimals as tell them apart.
+fn against_limit(known_s: f64, limit_s: f64) -> [String; 2] {
+    let of = |decimals: usize| [known_s, limit_s].map(|s| format!("{:.decimals$}", 1e3 * s));
+    (0..3).map(of).find(|[known, limit]| known != limit).unwrap_or_else(|| of(3))
 }
 
 /// Step of the first search, s.
@@ -296,6 +300,13 @@ pub(crate) const SEARCH_STEP_S: f64 = 0.02;
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_uncertainty_just_above_its_limit_does_not_read_as_the_limit() {
+        assert_eq!(against_limit(0.061, 0.05), ["61", "50"]);
+        assert_eq!(against_limit(0.0503, 0.05), ["50.3", "50.0"]);
+        assert_eq!(against_limit(0.05001, 0.05), ["50.01", "50.00"]);
+    }
 
     #[test]
     fn channels_without_overlap_are_not_reported_as_minus_zero_seconds() {

@@ -193,7 +193,8 @@ fn located(
         out.push(t, [ned[0], ned[1]]);
     }
     if far > 0 {
-        let text = format!("{far} fix(es) more than {:.0} km from the median fix dropped", FARTHEST_M / 1e3);
+        let fixes = if far == 1 { "fix" } else { "fixes" };
+        let text = format!("{far} {fixes} dropped: more than {:.0} km from the median fix", FARTHEST_M / 1e3);
         notices.push(Code::SamplesLeftOut, name, far, text);
     }
     out.horizontal()

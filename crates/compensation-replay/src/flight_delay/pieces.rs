@@ -73,7 +73,8 @@ pub(crate) fn without_spikes(
     if count == 0 {
         return None;
     }
-    let text = format!("{name}: {count} sample(s) that jump away and back by more than {HARDEST} m/s² dropped");
+    let samples = number_of(count as u64, "sample", "samples");
+    let text = format!("{name}: {samples} dropped for a jump away and back of more than {HARDEST} m/s²");
     notices.push(Code::SamplesLeftOut, name, count as u64, text);
     let keep = |x: &[f64]| x.iter().zip(&spike).filter(|(_, s)| !**s).map(|(x, _)| *x).collect();
     body.iter_mut().flatten().flatten().for_each(|column| *column = keep(column));
@@ -199,19 +200,22 @@ impl Cuts {
     fn report(&self, names: &Names, notices: &mut Notices) {
         let Cuts { glitches, wild, resets, gaps } = self;
         if *glitches > 0 {
-            let text = format!("{}: {glitches} sample(s) that jump away from their neighbours dropped", names.first);
+            let samples = number_of(*glitches, "sample", "samples");
+            let text = format!("{}: {samples} dropped for a jump away from the neighbours", names.first);
             notices.push(Code::SamplesLeftOut, names.first, *glitches, text);
         }
         if *wild > 0 {
             let text = format!(
-                "{} and {} contradict each other by {WILD} times the usual in {wild} sample(s), as before a receiver \
-                 has settled: dropped",
-                names.first, names.second
+                "{} and {} contradict each other by {WILD} times the usual in {}, as before a receiver has settled: \
+                 dropped",
+                names.first,
+                names.second,
+                number_of(*wild, "sample", "samples")
             );
             notices.push(Code::SamplesLeftOut, names.first, *wild, text);
         }
-        report_split(names.first, *resets, "reset(s)", notices);
-        report_split(names.second, *gaps, "gap(s) or clock jump(s)", notices);
+        report_split(names.first, *resets, ["reset", "resets"], notices);
+        report_split(names.second, *gaps, ["gap or clock jump", "gaps or clock jumps"], notices);
     }
 }
 
@@ -249,9 +253,15 @@ pub(crate) fn pieces(
     keep_the_best(out, first, names, notices)
 }
 
-fn report_split(name: &str, count: u64, what: &str, notices: &mut Notices) {
+/// `1 sample`, `2 samples`.
+fn number_of(n: u64, one: &str, many: &str) -> String {
+    format!("{n} {}", if n == 1 { one } else { many })
+}
+
+fn report_split(name: &str, count: u64, [one, many]: [&str; 2], notices: &mut Notices) {
     if count > 0 {
-        let text = format!("{name}: {count} {what}: the record is cut there, each part has its own offset");
+        let cuts = number_of(count, one, many);
+        let text = format!("{name}: {cuts}: the record is cut there, each part has its own offset");
         notices.push(Code::RecordSplit, name, count, text);
     }
 }
@@ -263,7 +273,8 @@ fn skip_rest(home: &mut [Option<usize>], prepared: &Prepared, names: &Names, not
     let of_rest = home.iter_mut().zip(&prepared.first.t).filter(|(h, t)| h.is_some() && at_rest(**t));
     let rest = of_rest.map(|(h, _)| *h = None).count();
     if rest > 0 {
-        let text = format!("{}: {rest} sample(s) at rest before or after the motion are not used", names.first);
+        let samples = number_of(rest as u64, "sample", "samples");
+        let text = format!("{}: {samples} left out: at rest before or after the motion", names.first);
         notices.push(Code::SamplesLeftOut.at(Severity::Info), names.first, rest as u64, text);
     }
 }
@@ -381,10 +392,10 @@ fn keep_the_best(mut all: Vec<Piece>, first: &Horizontal, names: &Names, notices
     let lost = before.1 - rows(&all);
     if lost > 0 {
         let text = format!(
-            "{}: {lost} sample(s) in {} piece(s) that are too short (or not among the {MOST_PIECES} longest) are not \
-             used",
+            "{}: {} left out, in {} too short or not among the {MOST_PIECES} longest",
             names.first,
-            before.0 - all.len()
+            number_of(lost, "sample", "samples"),
+            number_of((before.0 - all.len()) as u64, "piece", "pieces")
         );
         notices.push(Code::SamplesLeftOut.at(Severity::Info), names.first, lost, text);
     }

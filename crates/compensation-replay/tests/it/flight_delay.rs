@@ -368,7 +368,7 @@ fn resets_and_gaps_split_the_record_and_keep_the_delay() {
     let split: Vec<_> =
         notices.iter().filter(|n| n.code == "record-split").map(|n| (n.count, n.text.as_str())).collect();
     assert!(
-        matches!(split[..], [(3, resets), (1, gaps)] if resets.contains("reset(s)") && gaps.contains("gap(s)")),
+        matches!(split[..], [(3, resets), (1, gaps)] if resets.contains(": 3 resets: ") && gaps.contains(": 1 gap or clock jump: ")),
         "{split:?}"
     );
     let error = (delay.delay_s.value - 0.4).abs();

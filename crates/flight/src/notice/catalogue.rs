@@ -121,8 +121,8 @@ catalogue! {
                  else confirms the bytes, or where the log states that what was read may be wrong.",
                 "Nothing, if you do not need them. If the log is newer than this release, update flightlag.";
             MapLacks, "map-lacks", [Warning],
-                "Your own channel map names a field that the log lacks, so no channel is bound. For one log the exit code is 2. \
-                 `delay` raises it as a red alarm.",
+                "Your own channel map names a field that the log lacks, so no channel is bound. For one log the exit code is 2 \
+                 with `delay` and `inspect`, and 1 with `export`. `delay` raises it as a red alarm.",
                 "Correct the map. `flightlag inspect` lists topics and fields, `flightlag maps --suggest` prints a map that fits.";
         }
         "Reading" {
@@ -425,6 +425,7 @@ catalogue! {
              scatter.",
             "Nothing.";
         DelayRemark, "delay-remark", Grey, "A remark about the fit.", "Nothing.";
-        Companion, "companion", Grey, "The file belongs to a flight and is not a flight itself.", "Nothing.";
+        Companion, "companion", Grey,
+            "The file has no position of its own vehicle, so it is not a flight. The text says what it holds.", "Nothing.";
     }
 }

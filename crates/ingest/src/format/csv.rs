@@ -584,7 +584,8 @@ impl Accounting {
         let extent = open.lines.first_line_of(extent);
         let expected = topic.width;
         let cut = if extent.ended { "" } else { ", and no line end: the log is truncated here" };
-        self.reject(open, extent, format!("line {line}: {width} fields, but the header has {expected}{cut}"));
+        let fields = if width == 1 { "field" } else { "fields" };
+        self.reject(open, extent, format!("line {line}: {width} {fields}, but the header has {expected}{cut}"));
     }
 
     /// Reads a message. `open.fields` hold it already.
@@ -600,10 +601,11 @@ impl Accounting {
             self.ledger.count(Fate::Decoded, extent.whole as u64);
         } else {
             let (width, expected) = (open.fields.len(), topic.names.len());
+            let fields = if width == 1 { "field" } else { "fields" };
             return self.reject(
                 open,
                 extent,
-                format!("line {line}: {width} fields, but the first row of this table has {expected}"),
+                format!("line {line}: {width} {fields}, but the first row of this table has {expected}"),
             );
         }
         open.lines.pass(extent);

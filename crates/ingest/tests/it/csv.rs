@@ -247,7 +247,8 @@ fn assert_refused(text: &str, cell: &str, lines: &str) {
     let log = read_limited(text.as_bytes(), &Selection::Fields(fields), Limits::default()).unwrap();
     let notice = log.notices.iter().find(|n| n.code == "rejected-cell").unwrap_or_else(|| panic!("{text}"));
     assert!(notice.text.contains("column x") && notice.text.contains(cell), "{}", notice.text);
-    assert!(notice.text.ends_with(&format!("lines {lines}")), "{}", notice.text);
+    let word = if lines.contains(',') { "lines" } else { "line" };
+    assert!(notice.text.ends_with(&format!("; {word} {lines}")), "{}", notice.text);
 }
 
 #[test]
@@ -330,7 +331,7 @@ fn ragged_rows_are_rejected_with_their_line_and_bytes() {
     let damage: Vec<_> = log.health.damage.iter().map(|d| (d.offset, d.length, d.reason.as_str())).collect();
     assert_eq!(
         damage,
-        [(8, 2, "line 3: 1 fields, but the header has 2"), (10, 6, "line 4: 3 fields, but the header has 2")]
+        [(8, 2, "line 3: 1 field, but the header has 2"), (10, 6, "line 4: 3 fields, but the header has 2")]
     );
     assert!(log.notices.any_loss());
 }
@@ -340,7 +341,7 @@ fn a_truncated_last_row_is_distinguished_from_a_missing_line_end() {
     let cut = read("t,x\n1,2\n3,4\n5");
     assert_eq!(
         cut.health.damage[0].reason,
-        "line 4: 1 fields, but the header has 2, and no line end: the log is truncated here"
+        "line 4: 1 field, but the header has 2, and no line end: the log is truncated here"
     );
     // Only digits after the last delimiter may be missing.
     let open = read("t,x\n1,2\n3,45");
@@ -432,7 +433,7 @@ fn flysight_2_rows_go_to_the_tables_they_name() {
     assert_eq!(log.tables[1].column("wx").unwrap().data, ColumnData::F64(vec![0.25, 0.5]));
     assert_eq!(log.health.extras, ["FIRMWARE_VER = v1"]);
     let reasons: Vec<&str> = log.health.damage.iter().map(|d| d.reason.as_str()).collect();
-    assert_eq!(reasons, ["line 9: 1 fields, but the header has 2", "line 10: no $COL line announces this row"]);
+    assert_eq!(reasons, ["line 9: 1 field, but the header has 2", "line 10: no $COL line announces this row"]);
 }
 
 #[test]

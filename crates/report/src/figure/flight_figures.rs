@@ -271,7 +271,10 @@ fn turn(replay: &ReplayRecord, zoom: &Zoom) -> Option<Figure> {
     Some(Figure {
         id: "turn".to_owned(),
         number: 0,
-        title: format!("The delay as a length: up to {}\u{a0}m in the hardest turn", number::significant(longest, 2)),
+        title: format!(
+            "Raw to compensated, with the age of the fix: up to {}\u{a0}m in the hardest turn",
+            number::significant(longest, 2)
+        ),
         caption: format!(
             "The turn of Fig. 7 from above, {} to {}, equal scales; a wide line each second from a fix to where the compensated \
              position then is.",
@@ -353,7 +356,7 @@ fn lead_title(lead: &LeadCurves) -> Option<String> {
         format!("{metres}\u{a0}m{}", millis.unwrap_or_default())
     };
     let moved = format!("Compensation moves the position ahead by {}", words(lead.of.first()?));
-    let reference = lead.of.get(1).map(|reference| format!(", the reference is {} ahead", words(reference)));
+    let reference = lead.of.get(1).map(|reference| format!("; the reference is {} ahead", words(reference)));
     Some(moved + &reference.unwrap_or_default())
 }
 

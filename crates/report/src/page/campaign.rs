@@ -20,7 +20,7 @@ use crate::figure::{Figure, effects, forest, trend, valley};
 use crate::number;
 use crate::site::Site;
 use crate::text::shown;
-use crate::verdict::{DIFFER_P, in_millis, is_relative};
+use crate::verdict::{AGREE_P, DIFFER_P, in_millis, is_relative};
 use maud::{Markup, html};
 use record::{
     CampaignDelay, CampaignRecord, ControlPoint, CriterionVerdict, DelayOverFlights, EffectVerdict, Estimate, Finding,
@@ -46,7 +46,7 @@ pub fn campaign_site(record: &CampaignRecord, excerpts: &[TrackExcerpt]) -> Site
     let of_flights: Vec<Figure> = [forest(record), trend(record), effects(record)].into_iter().flatten().collect();
     let of_groups: Vec<(&GroupLateness, &CampaignDelay, Option<Figure>)> = agreeing(record);
     let mut figures = Figures { of_flights, of_groups };
-    figures.number();
+    figures.number(record.flights.len());
     for figure in figures.all() {
         site.add_figure(figure);
     }
@@ -70,21 +70,27 @@ impl Figures<'_> {
         self.of_flights.iter().chain(self.of_groups.iter().filter_map(|(_, _, figure)| figure.as_ref()))
     }
 
-    /// Two columns: the forest plot, whose height grows with its flights, and the others. A low forest has the effects
-    /// below it.
+    /// Two columns: the forest plot, whose height grows with its flights, and the others.
     fn columns(&self, flights: usize) -> impl Iterator<Item = Vec<&Figure>> {
-        let is_left = |figure: &&Figure| match figure.id.as_str() {
-            "lateness" => true,
-            "effect" => flights <= LOW_FOREST,
-            _ => false,
-        };
-        let (left, right): (Vec<&Figure>, Vec<&Figure>) = self.of_flights.iter().partition(is_left);
+        let (left, right): (Vec<&Figure>, Vec<&Figure>) =
+            self.of_flights.iter().partition(|figure| is_left(figure, flights));
         [left, right].into_iter().filter(|column| !column.is_empty())
     }
 
-    fn number(&mut self) {
+    /// Numbers the figures in reading order: the left column first.
+    fn number(&mut self, flights: usize) {
+        self.of_flights.sort_by_key(|figure| !is_left(figure, flights));
         let valleys = self.of_groups.iter_mut().filter_map(|(_, _, figure)| figure.as_mut());
         (1..).zip(self.of_flights.iter_mut().chain(valleys)).for_each(|(number, figure)| figure.number = number);
+    }
+}
+
+/// Whether the figure is in the left column. A low forest has the effects below it.
+fn is_left(figure: &Figure, flights: usize) -> bool {
+    match figure.id.as_str() {
+        "lateness" => true,
+        "effect" => flights <= LOW_FOREST,
+        _ => false,
     }
 }
 
@@ -171,8 +177,11 @@ fn answer(record: &CampaignRecord) -> Markup {
                 (if t.helped > 0 || t.harmed > 0 { unclear } else { 0 }, "with no clear effect"), (t.uncompensated, measured),
                 (t.not_measurable, "not measurable"), (t.pending, "pending"), (t.failed, "failed"),
             ] { @if count > 0 { ", " (number::count(count)) " " (words) } }
-            @for (count, words) in [(t.varying, "with a delay that changes"), (t.lossy, "with damaged logs")] {
-                @if count > 0 { "; " (number::count(count)) " of all " (words) }
+            @if t.varying > 0 { "; " (number::counted(t.varying, "flight", "flights")) " with a delay that changes" }
+            @match (t.lossy, t.flights) {
+                (0, _) => {}
+                (_, 1) => { "; the log is damaged" }
+                (lossy, all) => { "; " (number::count(lossy)) " of the " (number::count(all)) " logs " (if lossy == 1 { "is" } else { "are" }) " damaged" }
             }
             "; " (number::bytes(t.bytes)) " of logs"
             @if t.duration_s > 0.0 { ", " (number::lasting(t.duration_s)) " compensated" }
@@ -340,7 +349,7 @@ fn homogeneity(found: Option<&DelayOverFlights>) -> Markup {
             p {
                 "One difference for all flights: χ² = " (plain(h.chi2, 3)) " with "
                 (number::counted(h.degrees_of_freedom, "degree", "degrees")) " of freedom, " (group_cards::p_value(h.p)) ": "
-                "the flights are consistent with it."
+                @if h.p < AGREE_P { "no clear disagreement." } @else { "the flights are consistent with it." }
             }
         }
     }

@@ -6,7 +6,7 @@ use crate::site::Site;
 use crate::text::{href, shown};
 use crate::verdict::in_millis;
 use maud::{Markup, html};
-use record::{CampaignChanges, FlightRow, MadeWith, MovedDelay, TroubleChange};
+use record::{CampaignChanges, FlightRow, MadeWith, MovedDelay, TroubleChange, in_the_past};
 use std::collections::BTreeMap;
 
 /// Maximum number of flights named in one list.
@@ -23,13 +23,13 @@ pub fn changes_site(changes: &CampaignChanges, flights: &[FlightRow]) -> Site {
             h1 { (shown(&changes.name)) ": since the last run" }
             (answer(changes))
             @if let Some(before) = &changes.before { (settings(before, &changes.now)) }
-            (troubles("Newly failing", &changes.failing, &pages))
+            (troubles("Newly failing", &changes.failing, str::to_owned, &pages))
             (moved("Groups whose delay moved", &changes.moved_groups, &pages))
             (moved("Flights whose delay moved", &changes.moved, &pages))
             (rerun(changes, &pages))
             (names("New flights", &changes.new, &pages))
             (names("No longer in the folder", &changes.gone, &pages))
-            (troubles("No longer failing", &changes.recovered, &pages))
+            (troubles("No longer failing", &changes.recovered, in_the_past, &pages))
             p.note {
                 "Compared with what this folder held before. Only this page and run.json depend on earlier runs. A run \
                  that changes nothing does not rewrite this page."
@@ -122,12 +122,13 @@ fn rerun(changes: &CampaignChanges, pages: &Pages<'_>) -> Markup {
     }
 }
 
-fn troubles(title: &str, all: &[TroubleChange], pages: &Pages<'_>) -> Markup {
+fn troubles(title: &str, all: &[TroubleChange], said: fn(&str) -> String, pages: &Pages<'_>) -> Markup {
+    let words = |of: &TroubleChange| of.troubles.iter().map(|trouble| said(trouble)).collect::<Vec<_>>().join(", ");
     html! {
         @if !all.is_empty() {
             h2 { (title) ": " (number::count(all.len() as u64)) }
             ul {
-                @for of in all.iter().take(MOST) { li { (named(&of.flight, pages)) ": " (shown(&of.troubles.join(", "))) } }
+                @for of in all.iter().take(MOST) { li { (named(&of.flight, pages)) ": " (shown(&words(of))) } }
                 @if all.len() > MOST { li { "and " (number::count((all.len() - MOST) as u64)) " more, in since-last-run.json" } }
             }
         }

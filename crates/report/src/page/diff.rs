@@ -7,7 +7,7 @@ use crate::site::Site;
 use crate::text::shown;
 use crate::verdict::in_millis;
 use maud::{Markup, html};
-use record::{ComparedReport, DiffRecord, MovedDelay};
+use record::{ComparedReport, DiffRecord, MovedDelay, RunChanges};
 
 /// Maximum number of groups in the table.
 const MOST: usize = 200;
@@ -17,6 +17,8 @@ const MOST: usize = 200;
 pub fn diff_site(record: &DiffRecord) -> Site {
     let changes = &record.changes;
     let (by_sigmas, by_a_tenth) = changes.moved_counts();
+    let (failing, failing_new) = changes.failing_and_new();
+    let names = Names { base: "", all: "diff.json" };
     let count = |n: usize| number::count(n as u64);
     let title = format!("{} against {}", record.now.folder, record.before.folder);
     let body = html! {
@@ -24,15 +26,18 @@ pub fn diff_site(record: &DiffRecord) -> Site {
             h1 { (shown(&title)) }
             p.answer {
                 b { (count(by_sigmas)) " moved by more than 2\u{a0}σ" } ", " (count(by_a_tenth)) " by more than 10\u{a0}% (uncertainty unknown), of " (number::count(changes.compared)) " flights in both, "
-                (count(changes.rerun.len())) " with another result, " (count(changes.failing.len())) " newly failing, "
-                (count(changes.new.len())) " only in the second, " (count(changes.gone.len())) " only in the first."
+                (count(changes.rerun.len())) " with another result, " (count(failing.len())) " newly failing, "
+                (count(changes.new.len())) " only in the second"
+                @if !failing_new.is_empty() { " (" (count(failing_new.len())) " failing)" }
+                ", " (count(changes.gone.len())) " only in the first."
             }
             (reports(&record.before, &record.now))
             (settings(record))
             (groups(&record.moved_groups))
             h2 { "Flights" }
             @if is_empty(changes) { p { "No flight differs." } }
-            (sections(changes, &Names { base: "", all: "diff.json" }))
+            (sections(&RunChanges { failing, ..changes.clone() }, &names))
+            (names.words("Failing flights only in the second", &failing_new))
             (files(&["diff.json"]))
         }
     };
@@ -49,7 +54,7 @@ fn reports(before: &ComparedReport, now: &ComparedReport) -> Markup {
         ("Flights", number::count(before.flights), number::count(now.flights)),
         ("flightlag", before.flightlag_version.clone(), now.flightlag_version.clone()),
         ("Analysis", before.analysis_version.to_string(), now.analysis_version.to_string()),
-        ("Settings", before.settings.clone(), now.settings.clone()),
+        ("Title of the settings", before.settings.clone(), now.settings.clone()),
         ("Settings BLAKE3", before.settings_blake3.clone(), now.settings_blake3.clone()),
         ("Criteria BLAKE3", hash(before), hash(now)),
     ];

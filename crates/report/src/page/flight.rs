@@ -303,7 +303,7 @@ fn numbers_of_position(c: &Coverage) -> [CoverageNumber; 2] {
         "fixes that jump against integrated velocity by more than 5 σ of the fixes around them: kept and counted";
     [
         CoverageNumber::of("Longest time without a position fix", longest, "s", ""),
-        CoverageNumber::of("Position resets", number::count(c.position_resets), "1", resets),
+        CoverageNumber::of("Position resets", number::count(c.position_resets), "", resets),
     ]
 }
 
@@ -311,8 +311,8 @@ fn numbers_of_velocity(replay: &ReplayRecord) -> [CoverageNumber; 2] {
     let c = &replay.coverage;
     let bridge = format!("gaps up to {} s", number::significant(replay.settings.bridge_s, 3));
     [
-        CoverageNumber::of("Velocity gaps bridged", number::count(c.bridged_gaps), "1", &bridge),
-        CoverageNumber::of("Restarts after longer velocity gaps", number::count(c.restarts), "1", ""),
+        CoverageNumber::of("Velocity gaps bridged", number::count(c.bridged_gaps), "", &bridge),
+        CoverageNumber::of("Restarts after longer velocity gaps", number::count(c.restarts), "", ""),
     ]
 }
 

@@ -216,7 +216,7 @@ fn constancy(pair: &PairDelay, scatter: Option<DelayHomogeneity>) -> Markup {
                 (number::counted(scatter.degrees_of_freedom, "degree", "degrees")) " of freedom, " (p_value(scatter.p))
                 "), and no step, drift or queue explains it. U includes that scatter."
             } @else if let (true, Some(least_s)) = (constancy.tested, constancy.detectable_s) {
-                "No change of the delay was detected. A lasting change of " (plain(least_s * 1e3, 2))
+                "No change of the delay was detected. A lasting change of " (detectable(least_s * 1e3))
                 "\u{a0}ms or more would have been detected."
             } @else {
                 "Whether the delay changes was not tested: "
@@ -225,6 +225,11 @@ fn constancy(pair: &PairDelay, scatter: Option<DelayHomogeneity>) -> Markup {
             @if let Some(note) = &constancy.note { " " (ended(note)) }
         }
     }
+}
+
+/// The detectable change, ms, rounded as in the remarks of the record.
+fn detectable(least_ms: f64) -> Markup {
+    html! { data value=[Some(least_ms).filter(|v| v.is_finite())] { (number::fixed(least_ms, i32::from(least_ms < 9.95))) } }
 }
 
 fn uncertainty(pair: &PairDelay, found: &MeasuredDelay) -> Markup {

@@ -237,7 +237,7 @@ pub(super) fn rejects(rejected: &[RejectCount]) -> Markup {
 fn ledger(bytes: &ByteLedger) -> Markup {
     let parts = [
         ("Decoded", bytes.decoded, "held values that were wanted; a compressed chunk counts whole"),
-        ("Skipped", bytes.skipped, "intact, nothing in it was wanted"),
+        ("Not wanted", bytes.skipped, "intact, but no map wants it"),
         ("Structure", bytes.structure, "magic, headers, indexes, definitions"),
         ("Damaged", bytes.damaged, "could not be read or failed a checksum"),
         ("Tail cut", bytes.tail_cut, "the log ends inside its last record, as at power-off: no damage"),

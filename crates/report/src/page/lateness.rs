@@ -87,8 +87,10 @@ pub(super) fn answer(record: &FlightRecord) -> Markup {
 fn late(lateness: &FlightLateness) -> Markup {
     let first = lateness.words.find(". ").map_or(lateness.words.len(), |end| end + 1);
     let (first, rest) = lateness.words.split_at(first);
+    let kind = kind_words(lateness);
     html! {
-        b { (ended(first)) } " " (ended(&kind_words(lateness)))
+        @if lateness.kind == DelayKind::CannotTell { b { (kind) ": " (ended(first)) } }
+        @else { b { (ended(first)) } " " (ended(&kind)) }
         @if !rest.is_empty() { span.note { (ended(rest)) } }
         (interval(lateness.lateness.as_ref()))
     }
@@ -110,8 +112,8 @@ fn error(record: &FlightRecord, effect: &Effect) -> Markup {
     // If nothing was removed, nothing can have changed.
     let is_judged = !matches!(record.outcome, Outcome::Uncompensated { .. });
     html! {
-        @if is_judged { (effect_badge(effect.verdict)) " " (ended(after_verdict(&effect.words))) }
-        @else { (ended(&capitalised(after_verdict(&effect.words)))) }
+        @if is_judged { (effect_badge(effect.verdict)) " " }
+        (ended(&capitalised(after_verdict(&effect.words))))
         @if let Some(best) = effect.best_m.filter(|_| effect.short_by.is_some()) {
             " With the best delay it would be " b { (plain(best, 2)) "\u{a0}m" } "."
         }
@@ -173,7 +175,7 @@ fn todo(record: &FlightRecord, lateness: &FlightLateness) -> Markup {
             }
         }
         @if !advice.set.is_empty() { "Set " (settings(advice)) "." }
-        @if let Some(fly) = &advice.fly { @if tested.is_some() || !advice.set.is_empty() { " " } "To know more: " (ended(fly)) }
+        @if let Some(fly) = &advice.fly { @if tested.is_some() || !advice.set.is_empty() { " " } "To know more: " (ended(&uncapitalised(fly))) }
     }
 }
 
@@ -200,7 +202,7 @@ fn removed(record: &FlightRecord, decision: &Decision) -> Markup {
                     }))) "\u{a0}ms"
                 }
                 @if let Some(used) = used { " (" (source_phrase(used)) ")" }
-                ": " (ended(&decision.words))
+                ". " (ended(&capitalised(&decision.words)))
                 @if let Some(tested) = tested(record) {
                     " The error against " code { (shown(tested.reference)) } " is least at " b { (estimate(&in_millis(&tested.best_s))) "\u{a0}ms" }
                     @if tested.agrees() { ", which agrees." }
@@ -215,7 +217,7 @@ fn removed(record: &FlightRecord, decision: &Decision) -> Markup {
             {
                 b { "Nothing." } " " (ended(&capitalised(reason)))
             }
-            (None, _) => { b { "Nothing." } " " (ended(decision.words.trim_end_matches(" Nothing is removed."))) }
+            (None, _) => { b { "Nothing." } " " (ended(&capitalised(decision.words.trim_end_matches(" Nothing is removed.")))) }
         }
     }
 }
@@ -224,6 +226,12 @@ fn removed(record: &FlightRecord, decision: &Decision) -> Markup {
 fn capitalised(words: &str) -> String {
     let mut letters = words.chars();
     letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
+}
+
+/// The text with a small first letter, as after a colon.
+fn uncapitalised(words: &str) -> String {
+    let mut letters = words.chars();
+    letters.next().map_or_else(String::new, |first| first.to_lowercase().chain(letters).collect())
 }
 
 /// The sentence of an effect without the verdict, which is in the badge.
@@ -246,8 +254,8 @@ fn alarms(alarms: &[DelayAlarm]) -> Markup {
     html! {
         @for alarm in alarms {
             @match alarm.gravity {
-                Gravity::Red => { p.why { (badge("bad", "!", "Alarm")) " " (shown_block(&alarm.text)) } }
-                Gravity::Amber => { p.why.unsure { (badge("unsure", "!", "Warning")) " " (shown_block(&alarm.text)) } }
+                Gravity::Red => { p.why { (badge("bad", "!", "Red alarm")) " " (shown_block(&alarm.text)) } }
+                Gravity::Amber => { p.why.unsure { (badge("unsure", "!", "Amber alarm")) " " (shown_block(&alarm.text)) } }
                 Gravity::Grey => { p.note { (shown(&alarm.text)) } }
             }
         }
@@ -333,7 +341,7 @@ pub(super) fn alarm_badges(alarms: &[DelayAlarm]) -> Markup {
         let plural = if count == 1 { "" } else { "s" };
         html! { @if count > 0 { (badge(class, "!", &format!("{count} {word}{plural}"))) } }
     };
-    html! { (one(Gravity::Red, "bad", "alarm")) (one(Gravity::Amber, "unsure", "warning")) }
+    html! { (one(Gravity::Red, "bad", "red alarm")) (one(Gravity::Amber, "unsure", "amber alarm")) }
 }
 
 /// Error before and after, in the table of all flights.

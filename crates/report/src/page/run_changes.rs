@@ -51,7 +51,7 @@ impl Names<'_> {
         }
     }
 
-    fn words(&self, title: &str, all: &[FlightWords]) -> Markup {
+    pub(super) fn words(&self, title: &str, all: &[FlightWords]) -> Markup {
         html! {
             @if !all.is_empty() {
                 @let words = all.iter().map(|of| of.words.len()).sum::<usize>();
@@ -99,7 +99,7 @@ pub(super) fn sections(changes: &RunChanges, names: &Names<'_>) -> Markup {
         (names.section("New flights", &changes.new))
         (names.section("New flights that cannot be measured", &changes.new_not_measurable))
         (names.section("No longer there", &changes.gone))
-        (names.words("No longer failing", &changes.recovered))
+        (names.words("No longer failing", &changes.recovered_from()))
         (names.words("Alarms cleared", &changes.alarms_cleared))
         (names.words("Remarks cleared", &changes.remarks_cleared))
     }

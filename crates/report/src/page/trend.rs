@@ -24,7 +24,7 @@ pub fn trend_site(record: &TrendRecord, title: &str, base: &str) -> Site {
         main {
             h1 { (shown(title)) }
             p.answer {
-                b { (number::counted(with_changes as u64, "chart with a change", "charts with a change")) } " of "
+                @if with_changes == 0 { b { "No change" } " on " } @else { b { "A change" } " on " (number::count(with_changes as u64)) " of " }
                 (number::counted(record.charts.len() as u64, "chart", "charts")) "."
             }
             (charts(record, &names, &mut site))

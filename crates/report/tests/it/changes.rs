@@ -52,6 +52,7 @@ fn the_page_lists_new_rerun_moved_and_newly_failing_flights() {
         "flightlag was 0.1.0, is 0.2.0.",
         "2 flights, the log has changed: ",
         "flight-0003.mcap: harmed",
+        "flight-0004.mcap: log was damaged",
         "200.0 ± 2.0",
         "2026-01-01/old.mcap",
     ] {

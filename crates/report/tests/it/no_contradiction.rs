@@ -111,7 +111,10 @@ fn alarms_are_above_the_first_table_worst_first_and_counted() {
     let places = ["two delays fit", "9 % of the samples", "is contradicted: measured is 203"]
         .map(|alarm| text.find(alarm).unwrap_or_else(|| panic!("{alarm}: {text}")));
     assert!(places[0] < places[1].min(places[2]), "{text}");
-    assert!(text.contains("Helped ! 1 alarm! 2 warnings") || text.contains("Helped! 1 alarm! 2 warnings"), "{text}");
+    assert!(
+        text.contains("Helped ! 1 red alarm! 2 amber alarms") || text.contains("Helped! 1 red alarm! 2 amber alarms"),
+        "{text}"
+    );
 }
 
 #[test]
@@ -124,8 +127,8 @@ fn the_campaign_row_of_a_flight_counts_all_its_alarms() {
     let (attention, all) = html.split_once("<h2 id=\"all\">").unwrap();
     let attention = words(attention.split_once("<h2 id=\"attention\">").unwrap().1);
     let row = words(all.split("<tr").find(|row| row.contains("flight-0001")).unwrap());
-    assert!(row.contains("! 1 alarm! 2 warnings"), "{row}");
-    assert_eq!(attention.matches("! Alarm 1 flight").count(), 1, "{attention}");
+    assert!(row.contains("! 1 red alarm! 2 amber alarms"), "{row}");
+    assert_eq!(attention.matches("! Red alarm 1 flight").count(), 1, "{attention}");
     assert_eq!(attention.matches("flight-0001").count(), 3, "{attention}");
     // A red alarm ranks above what is merely worth a look.
     assert!(attention.find("flight-0001") < attention.find("flight-0000"), "{attention}");
@@ -179,10 +182,24 @@ fn a_flight_that_was_not_replayed_has_no_removed_delay() {
 }
 
 #[test]
+fn an_unknown_lateness_starts_with_cannot_tell() {
+    let unknown = FlightLateness {
+        kind: DelayKind::CannotTell,
+        words: "the vehicle does not travel. Fly circles".into(),
+        ..lateness()
+    };
+    let text = top(&FlightRecord { lateness: Some(unknown), ..record() });
+    assert!(text.contains("How lateCannot tell: the vehicle does not travel. Fly circles."), "{text}");
+}
+
+#[test]
 fn sentences_end_with_one_full_stop_and_verdicts_appear_once() {
     let text = top(&record());
     assert!(!text.contains("..") && !text.contains("helped: "), "{text}");
-    assert!(text.contains("What was measured contradicts it.") && text.contains("Fly 2 minutes of turns."), "{text}");
+    assert!(
+        text.contains("What was measured contradicts it.") && text.contains("To know more: fly 2 minutes of turns."),
+        "{text}"
+    );
     assert!(!text.contains("95 % interval"), "± U says it: {text}");
     assert!(text.contains("This rests on velocity.gps"), "{text}");
 }

@@ -57,7 +57,8 @@ fn the_delay_as_a_length_is_speed_times_delay_despite_thinned_curves() {
         axis.position_m = vec![line(fixture::RAW, 0.4, &kept), line(fixture::EXACT, 0.0, &[232.0, 262.0])];
     }
     // 0.4 s at 10 m/s on each of two axes.
-    assert!(page(&record).contains("The delay as a length: up to 5.7\u{a0}m in the hardest turn"));
+    let title = "Raw to compensated, with the age of the fix: up to 5.7\u{a0}m in the hardest turn";
+    assert!(page(&record).contains(title));
 }
 
 #[test]

@@ -493,12 +493,13 @@ impl ColumnBuilder {
         if self.bad > 0 {
             let lines: Vec<String> = self.bad_lines.iter().take(listed).map(u64::to_string).collect();
             let more = if self.bad > lines.len() as u64 { ", ..." } else { "" };
-            let text = format!(
-                "column {}: cells that are not numbers, the first is {:?}; lines {}{more}",
-                self.path,
-                self.bad_example,
-                lines.join(", ")
-            );
+            let (path, example, lines) = (&self.path, &self.bad_example, lines.join(", "));
+            let text = match self.bad {
+                1 => format!("column {path}: a cell that is not a number, {example:?}; line {lines}"),
+                _ => {
+                    format!("column {path}: cells that are not numbers, the first is {example:?}; lines {lines}{more}")
+                }
+            };
             // A column without any number was not meant as numbers, unless it has thousands separators.
             let numbers = self.filled > 0 || has_separators(&self.bad_example);
             let lost = numbers && self.bad * TOLERATED > self.rows as u64;

@@ -116,8 +116,8 @@ fn of_outcome(outcome: &Outcome) -> Option<Grave> {
 
 fn of_alarm(gravity: Gravity) -> Option<Grave> {
     match gravity {
-        Gravity::Red => Some((1, ("bad", "!", "Alarm"))),
-        Gravity::Amber => Some((3, ("unsure", "!", "Warning"))),
+        Gravity::Red => Some((1, ("bad", "!", "Red alarm"))),
+        Gravity::Amber => Some((3, ("unsure", "!", "Amber alarm"))),
         Gravity::Grey => None,
     }
 }

@@ -5,7 +5,7 @@ use super::attention::names;
 use super::members;
 use crate::number;
 use crate::text::{ended, shown};
-use crate::verdict::{DIFFER_P, has_no_common_delay, in_millis, is_relative, source_phrase};
+use crate::verdict::{AGREE_P, DIFFER_P, has_no_common_delay, in_millis, is_relative, source_phrase};
 use maud::{Markup, html};
 use record::{CampaignRecord, DelaySetting, DelaySource, EffectVerdict, Estimate, FlightRow, GroupLateness};
 use std::collections::BTreeSet;
@@ -161,7 +161,9 @@ fn agreement(group: &GroupLateness, rows: &[&FlightRow]) -> Markup {
                     ", and they differ (" (p_value(test.p))
                     @if let Some(between) = group.between_s.filter(|b| *b > 0.0) { "; " (number::significant(1e3 * between, 2)) "\u{a0}ms, 1\u{a0}σ" }
                     ")"
-                } @else { ", and they agree (" (p_value(test.p)) ")" }
+                }
+                @else if test.p < AGREE_P { ", with no clear disagreement (" (p_value(test.p)) ")" }
+                @else { ", and they agree (" (p_value(test.p)) ")" }
             }
             @if !outliers.is_empty() { "; " (badge("unsure", "!", "differs")) " " (names(&outliers)) @if group.lateness_s.is_some() { ", not in the mean" } }
             "."

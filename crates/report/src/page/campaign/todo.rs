@@ -65,7 +65,7 @@ fn set(group: &GroupLateness, flights: &[FlightRow]) -> Option<Action> {
         "Set " (settings(&group.advice.set)) " for " b { bdi { (shown(&group.group.name)) } }
         @if is_short { " instead of what was removed" }
         @if let Some((now, then)) = metres {
-            ": error " (number::significant(now, 3)) " → " (number::significant(then, 2)) " m (median of "
+            ": error " (number::significant(now, 3)) " → " (number::significant(then, 2)) " m (" @if errors.len() > 1 { "median of " }
             (number::counted(errors.len() as u64, "flight", "flights")) ")"
         }
         @if !outliers.is_empty() { ". Not for " (names(&outliers)) ", which " @if outliers.len() == 1 { "differs" } @else { "differ" } }
@@ -151,8 +151,9 @@ fn changing(flights: &[FlightRow]) -> Option<Action> {
 fn copies(flights: &[FlightRow]) -> Option<Action> {
     let rows: Vec<&FlightRow> = flights.iter().filter(|r| r.duplicate_of.is_some()).collect();
     let what = html! {
-        "Take " (number::counted(rows.len() as u64, "log", "logs")) " out of the folder: the same flights are in it under other names. They are not counted twice. "
-        (names(&rows)) "."
+        "Take " (number::counted(rows.len() as u64, "log", "logs")) " out of the folder: " (names(&rows)) ". "
+        @if rows.len() == 1 { "The same flight is in it under another name. It is left out of the means, but counted above." }
+        @else { "The same flights are in it under other names. They are left out of the means, but counted above." }
     };
     (!rows.is_empty()).then_some(Action { saves_m: 0.0, what })
 }
