@@ -87,7 +87,7 @@ slurm-test:
 s3-test *parts:
     @tests/s3/run "$@"
 
-# Mutate the source in N places, one at a time, and count what the tests of a crate detect (cargo-mutants): just mutants CRATE N [SEED]
+# Mutate the source in N places, one at a time, and count what the tests of a crate detect (cargo-mutants): just mutants CRATE|all N [SEED] [--seconds S]
 mutants +sample:
     @tests/mutants/run "$@"
 
