@@ -221,7 +221,7 @@ fn pooled(members: &[(&str, &FlightLateness)], pool: &DelayPool, empty: GroupLat
     let mut words = match described.zip(mean_s) {
         Some((mean, mean_s)) => {
             let of_all = of_all(mean.flights, members);
-            let [apart, side] = apart(&mean_s, LATE);
+            let (apart, side) = apart(&mean_s, LATE);
             format!("position {apart} ms {side} against {against} ({of_all})")
         }
         None => {
@@ -270,13 +270,13 @@ fn of_all(flights: u32, members: &[(&str, &FlightLateness)]) -> String {
 }
 
 /// Words for a negative and a positive delay.
-pub(crate) const LATE: [&str; 2] = ["early", "late"];
+const LATE: [&str; 2] = ["early", "late"];
 const LATER: [&str; 2] = ["earlier", "later"];
 
 /// Size of a delay in ms with U, and its side: `12.0 ± 3.1`, `early`.
-pub(crate) fn apart<'a>(delay_s: &Estimate, [before, after]: [&'a str; 2]) -> [std::borrow::Cow<'a, str>; 2] {
+fn apart<'a>(delay_s: &Estimate, [before, after]: [&'a str; 2]) -> (String, &'a str) {
     let side = if delay_s.value < 0.0 { before } else { after };
-    [in_ms(&Estimate { value: delay_s.value.abs(), ..*delay_s }).into(), side.into()]
+    (in_ms(&Estimate { value: delay_s.value.abs(), ..*delay_s }), side)
 }
 
 /// Least and greatest of some delays, s: `190 to 260 ms late`, `1 to 27 ms early`, `5 ms early to 12 ms late`.
@@ -355,7 +355,7 @@ fn relative_group(members: &[(&str, &FlightLateness)], empty: GroupLateness) -> 
              than their uncertainties"
         )
     } else {
-        let [apart, side] = apart(&Estimate { value: pool.mean_s.value, ..mean_s }, LATER);
+        let (apart, side) = apart(&Estimate { value: pool.mean_s.value, ..mean_s }, LATER);
         format!("position {apart} ms {side} than {velocity} ({of_all}); the lateness of both is unknown")
     };
     GroupLateness {
@@ -390,11 +390,48 @@ pub(crate) fn of_rows<'a>(rows: &'a [FlightRow], pipeline: &Pipeline) -> Decided
 #[cfg(test)]
 mod tests {
     use super::*;
+    use record::{CardDelay, CardUse, SensorIdentity};
+
+    /// Former bug: a card marked in doubt was removed, and the page of the campaign said "Nothing to do".
+    #[test]
+    fn the_doubt_of_the_bench_is_the_doubt_of_the_removed_card() {
+        let with = |notices| {
+            let delay_s = Estimate { value: 0.504, standard_uncertainty: Some(0.127) };
+            let card = CardUse {
+                file: "m.card.toml".into(),
+                blake3: String::new(),
+                sensor: SensorIdentity::default(),
+                channel: "position.gps".into(),
+                delay_s,
+            };
+            let card = CardDelay { delay_s, words: String::new(), card, notices };
+            FlightLateness { card: Some(Finding::Found(card)), ..crate::answer::unknown("k") }
+        };
+        let removed = RemovedDelay {
+            flight: "f".into(),
+            value_s: Some(0.504),
+            standard_uncertainty_s: Some(0.127),
+            row: 7,
+            source: RemovedFrom::Card,
+            circular: false,
+            words: String::new(),
+            pooled_flights: 0,
+            z: None,
+            card_e_n: None,
+            reference_e_n: None,
+            contradicted: None,
+        };
+        let mut doubted = flight::Notices::new();
+        doubted.push(Code::RigContradicted, "position.gps", 1, "position.gps: the bench marked its delay as doubtful");
+        let of = |notices| decision_of(DelaySource::Card, &removed, &with(notices)).contradicted;
+        assert_eq!(of(flight::Notices::new()), None);
+        assert!(of(doubted).unwrap().contains("marked its delay as doubtful"));
+    }
 
     #[test]
     fn the_side_of_a_delay_is_a_word_and_its_size_has_no_sign() {
         let early = Estimate { value: -0.012, standard_uncertainty: Some(0.0015) };
-        assert_eq!(apart(&early, LATE), ["12.0 ± 3.0", "early"]);
+        assert_eq!(apart(&early, LATE), ("12.0 ± 3.0".to_owned(), "early"));
         assert_eq!(range([0.2, 0.19, 0.26].into_iter(), LATE), "190 to 260 ms late");
         assert_eq!(range([-0.001, -0.027].into_iter(), LATER), "1 to 27 ms earlier");
         assert_eq!(range([0.012, -0.005].into_iter(), LATER), "5 ms earlier to 12 ms later");

@@ -75,7 +75,7 @@ impl ChannelDynamics {
                  clock.shared = false in the rig file), or timestamps are wrong",
                 self.name,
                 fixed(1e3 * delay_s, 1),
-                fixed(2e3 * u, 1)
+                fixed((2e4 * u).ceil() / 10.0, 1)
             )
         })
     }
