@@ -6,9 +6,9 @@ use crate::channel::{SILENT, dynamics, estimate};
 use crate::clock::{EncoderRate, Tied, moved, tie};
 use crate::curves::{curve, liveliest};
 use crate::encoder::{EncoderError, EncoderSeries, encoder_channel};
-use crate::flexibility::{flexibility, weighted_mean};
+use crate::flexibility::{GainAt, flexibility, weighted_mean};
 use crate::gap::Hidden;
-use crate::gate::{Gate, Spectra, gap_check, gate, spectra};
+use crate::gate::{Gate, gap_check, gate, spectra};
 use crate::magnetometer::magnetic_swings;
 use crate::motion::Motion;
 use crate::mount::mount_finding;
@@ -21,8 +21,8 @@ use flight::with_minus;
 use flight::{Clock, Code, Flight, Notices, Quantity, Stamp};
 use jiff::civil::Date;
 use record::{
-    BenchFindings, ChannelDynamics, ClockFinding, Estimate, Finding, GateCheck, ReferenceFinding, RigGeometry, RigPart,
-    TimeBasis,
+    BenchFindings, ChannelDynamics, ClockFinding, ComponentDynamics, Estimate, Finding, GateCheck, ReferenceFinding,
+    RigGeometry, RigPart, TimeBasis,
 };
 use signal::{DelayFit, DelaySettings, Gain, Measurement, Sign, fit_delay};
 
@@ -115,7 +115,7 @@ pub fn bench(input: &BenchInput<'_>, rig: &Rig) -> Result<Bench, BenchRefusal> {
         clock,
         reference: reference_finding(&motion, &alignment, &around, arm),
         mount,
-        flexibility: bending(&channels, &references, &motion, rig),
+        flexibility: bending(&channels, &references, rig),
         gate: quality,
         clocks: timing.finding(&tied),
         geometry: Some(geometry(rig, &channels)),
@@ -316,7 +316,7 @@ fn channels(
         t: &t,
         rate: &rate,
         zoom: liveliest(&t, &rate, motion.gaps()),
-        period_s: Some(rms_frequencies(motion).0).filter(|hz| *hz > 0.0).map_or(0.0, |hz| 1.0 / hz),
+        period_s: spectra(motion).angle.rms_frequency_hz().filter(|hz| *hz > 0.0).map_or(0.0, |hz| 1.0 / hz),
         still_rate: STILL_COUNTS_PER_S * lsb,
         errors: &ReferenceErrors::of(motion),
         closed,
@@ -367,38 +367,20 @@ fn sensed(component: &ComponentReference) -> SensedComponent<'_> {
     }
 }
 
-/// Compares gains of channels that translate with the tip with those that rotate with it, position with angle and
-/// velocity with rate: bending grows with the square of frequency, and a rate weights fast motion more than an angle
-/// does.
-fn bending(
-    channels: &[ChannelDynamics],
-    references: &References,
-    motion: &Motion,
-    rig: &Rig,
-) -> Finding<record::Flexibility> {
+/// Whether the bar bends, by the gains of channels that translate with its tip and of those that rotate with it. A
+/// channel with a lag, or whose reference was fitted to it, does not count.
+fn bending(channels: &[ChannelDynamics], references: &References, rig: &Rig) -> Finding<record::Flexibility> {
     use Quantity::{AngularRate, Attitude, Height, PositionGeodetic, PositionNed, VelocityNed};
     let by_construction =
         |name: &str| references.channels.iter().any(|c| c.name == name && c.components.iter().any(|c| c.unit_gain));
-    let gains = |wanted: &[Quantity]| -> Vec<Estimate> {
-        let measured = channels.iter().filter(|c| wanted.contains(&c.quantity) && !by_construction(&c.name));
-        measured.flat_map(|c| c.components.iter().filter_map(|c| c.gain)).collect()
+    let gains = |wanted: &[Quantity]| -> Vec<GainAt> {
+        let counts =
+            |c: &&ChannelDynamics| wanted.contains(&c.quantity) && c.lags().is_none() && !by_construction(&c.name);
+        let of_component = |c: &ComponentDynamics| Some(GainAt { gain: c.gain?, frequency_hz: c.gain_frequency_hz? });
+        channels.iter().filter(counts).flat_map(|c| c.components.iter().filter_map(of_component)).collect()
     };
-    let (angle_hz, rate_hz) = rms_frequencies(motion);
-    let expected = rig.bar.first_mode_hz;
-    let rates = flexibility(&gains(&[VelocityNed]), &gains(&[AngularRate]), rate_hz, expected);
-    let angles = flexibility(&gains(&[PositionGeodetic, PositionNed, Height]), &gains(&[Attitude]), angle_hz, expected);
-    let clearness = |finding: &Finding<record::Flexibility>| match finding.found().map(|f| &f.ratio) {
-        Some(Finding::Found(ratio)) => ratio.standard_uncertainty.unwrap_or(f64::INFINITY),
-        Some(Finding::CannotTell(_)) => f64::MAX,
-        None => f64::INFINITY,
-    };
-    if clearness(&angles) < clearness(&rates) { angles } else { rates }
-}
-
-/// Rms frequency of the bar's angle and of its rate, Hz.
-fn rms_frequencies(motion: &Motion) -> (f64, f64) {
-    let Spectra { angle, rate } = spectra(motion);
-    (angle.rms_frequency_hz().unwrap_or(0.0), rate.rms_frequency_hz().unwrap_or(0.0))
+    let translation = gains(&[VelocityNed, PositionGeodetic, PositionNed, Height]);
+    flexibility(&translation, &gains(&[AngularRate, Attitude]), rig.bar.first_mode_hz)
 }
 
 /// Places on the bar where the channels of the record are measured.

@@ -124,6 +124,7 @@ fn undetermined(
         excited: component.excited.is_ok(),
         why_not: component.excited.err().unwrap_or_default().to_owned(),
         gain: None,
+        gain_frequency_hz: None,
         offset: None,
         drift: None,
         noise: None,
@@ -310,10 +311,11 @@ fn components(
             let alone = place.filter(|_| updates.excited.len() > 1).and_then(|_| {
                 fit_delay(&[measurement(component, &updates.t, &updates.values[k])], &bench.settings()).ok()
             });
+            let measured = measurement(component, &updates.t, &updates.values[k]);
+            let by = &component.sensitivity;
             ComponentDynamics {
-                gain: fitted.map(|f| {
-                    gain(f, fit, &measurement(component, &updates.t, &updates.values[k]), bench, &component.sensitivity)
-                }),
+                gain: fitted.map(|f| gain(f, fit, &measured, bench, by)),
+                gain_frequency_hz: fitted.and_then(|f| bench.errors.frequency_of_gain_hz(&measured, fit, f, by)),
                 offset: fitted.map(|f| estimate(f.offset)),
                 drift: fitted.and_then(|f| f.drift).map(estimate),
                 noise: fitted.map(|f| noise(f, component.values, &still)),

@@ -151,7 +151,8 @@ impl EncoderSeries {
         Ok(series.without_slips())
     }
 
-    /// The longest part between two slips. The other parts have a different zero.
+    /// The part between two slips in which the reading changes most often. The other parts have a different zero, and an
+    /// encoder that has died does not change.
     fn without_slips(mut self) -> EncoderSeries {
         self.slips = slips(&self.t_s, &self.angle_rad, self.lsb_rad());
         if self.slips.is_empty() {
@@ -161,21 +162,24 @@ impl EncoderSeries {
         let ends = self.slips.iter().map(|slip| slip.row);
         let starts = std::iter::once(0).chain(ends.clone());
         let parts = starts.zip(ends.chain([rows])).map(|(from, to)| from..to);
-        let longest = parts.max_by_key(std::ops::Range::len).unwrap_or(0..rows);
-        let left_out = rows - longest.len();
-        let [from_s, to_s] = [longest.start, longest.end - 1].map(|row| self.t_s[row]);
+        let changes = |part: &std::ops::Range<usize>| {
+            self.angle_rad[part.clone()].windows(2).filter(|pair| pair[0] != pair[1]).count()
+        };
+        let used = parts.max_by_key(changes).unwrap_or(0..rows);
+        let left_out = rows - used.len();
+        let [from_s, to_s] = [used.start, used.end - 1].map(|row| self.t_s[row]);
         let text = format!(
-            "the encoder slipped: {}. Only the longest part without a slip is used, {from_s:.2} to {to_s:.2} s",
+            "the encoder slipped: {}. Only the part with the most motion is used, {from_s:.2} to {to_s:.2} s",
             self.slips_in_words()
         );
         self.notices.push(Code::EncoderRepaired, &self.channel, self.slips.len() as u64, text);
         self.rejected.push(RejectCount {
             reason: "before or after a slip".to_owned(),
             count: left_out as u64,
-            first: format!("{:.2} s", if longest.start > 0 { self.t_s[0] } else { self.t_s[longest.end] }),
+            first: format!("{:.2} s", if used.start > 0 { self.t_s[0] } else { self.t_s[used.end] }),
         });
-        self.t_s = self.t_s[longest.clone()].to_vec();
-        self.angle_rad = self.angle_rad[longest].to_vec();
+        self.t_s = self.t_s[used.clone()].to_vec();
+        self.angle_rad = self.angle_rad[used].to_vec();
         self
     }
 

@@ -30,24 +30,53 @@ pub fn first_mode_of_gain(gain: f64, gamma: f64, frequency_hz: f64) -> Option<f6
     (x > 0.0).then(|| frequency_hz * ((1.0 + x) / x).sqrt())
 }
 
+/// A gain, and the frequency of the motion that it stands for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GainAt {
+    /// Measured divided by reference.
+    pub gain: Estimate,
+    /// Hz; above zero.
+    pub frequency_hz: f64,
+}
+
 /// Compares the gains of channels that translate with the tip (position, velocity, height) with those that rotate with
-/// it (attitude, rate, field with a known reference). `frequency_hz` is the rms frequency of the bar's angle.
+/// it (attitude, rate). Bending grows with the square of frequency, so all are converted to one frequency first: that
+/// of the most certain rotation.
 #[must_use]
-pub fn flexibility(
-    translation: &[Estimate],
-    rotation: &[Estimate],
-    frequency_hz: f64,
-    expected_hz: Option<f64>,
-) -> Finding<Flexibility> {
-    let (Some(p), Some(r)) = (weighted_mean(translation), weighted_mean(rotation)) else {
+pub fn flexibility(translation: &[GainAt], rotation: &[GainAt], expected_hz: Option<f64>) -> Finding<Flexibility> {
+    let most_certain = rotation.iter().min_by(|a, b| u(&a.gain).total_cmp(&u(&b.gain)));
+    let frequency_hz = most_certain.map_or(0.0, |g| g.frequency_hz);
+    let mean = |gains: &[GainAt]| weighted_mean(&gains.iter().map(|g| g.at(frequency_hz)).collect::<Vec<_>>());
+    let (Some(p), Some(r)) = (mean(translation), mean(rotation)) else {
         let text = "bending shows only in the gain of position or velocity together with the gain of attitude or rate; \
                     one of the two is missing";
         return Finding::CannotTell(text.to_owned());
     };
     let ratio = ratio(p, r);
     let first_mode_hz = first_mode(p, r, &ratio, frequency_hz);
-    let text = in_words(p, r, &ratio, &first_mode_hz, expected_hz);
-    Finding::Found(Flexibility { translation_gain: p, rotation_gain: r, ratio, first_mode_hz, expected_hz, text })
+    let gains = format!(
+        "At {frequency_hz:.2} Hz the gain of translation is {}, of rotation {} (k = 2)",
+        with_u(&p, 4),
+        with_u(&r, 4)
+    );
+    let text = in_words(&gains, &ratio, &first_mode_hz, expected_hz);
+    Finding::Found(Flexibility {
+        frequency_hz: Some(frequency_hz),
+        translation_gain: p,
+        rotation_gain: r,
+        ratio,
+        first_mode_hz,
+        expected_hz,
+        text,
+    })
+}
+
+impl GainAt {
+    /// The gain at another frequency, below resonance: its excess over one grows with the square.
+    fn at(&self, frequency_hz: f64) -> Estimate {
+        let factor = (frequency_hz / self.frequency_hz).powi(2);
+        estimate(1.0 + factor * (self.gain.value - 1.0), factor * u(&self.gain))
+    }
 }
 
 fn u(e: &Estimate) -> f64 {
@@ -112,14 +141,7 @@ fn first_mode(p: Estimate, r: Estimate, ratio: &Finding<Estimate>, frequency_hz:
     }
 }
 
-fn in_words(
-    p: Estimate,
-    r: Estimate,
-    ratio: &Finding<Estimate>,
-    mode: &Finding<Estimate>,
-    expected_hz: Option<f64>,
-) -> String {
-    let gains = format!("Gain of translation {}, of rotation {} (k = 2)", with_u(&p, 4), with_u(&r, 4));
+fn in_words(gains: &str, ratio: &Finding<Estimate>, mode: &Finding<Estimate>, expected_hz: Option<f64>) -> String {
     let expected = expected_hz.map_or(String::new(), |hz| format!(" (the rig file expects {hz} Hz)"));
     match (ratio, bends(ratio), mode) {
         (Finding::Found(k), Some(true), Finding::Found(hz)) => format!(
@@ -133,9 +155,7 @@ fn in_words(
              sensor or the bar's length is wrong.",
             with_u(k, 2)
         ),
-        (_, _, Finding::CannotTell(why)) => {
-            format!("{gains}: whether the bar bends or a scale is wrong is unknown; {why}.")
-        }
+        (_, _, Finding::CannotTell(why)) => format!("{gains}: no bending detected; {why}."),
         (_, _, Finding::Found(hz)) => format!(
             "{gains}: rotation alone is clearly above one; if the bar bends, its first mode is at {} Hz{expected}, but a scale of \
              the sensor would look the same.",

@@ -43,7 +43,7 @@ pub use crate::card::{
     parse_card, sensor_name,
 };
 pub use crate::encoder::{EncoderError, EncoderSeries, encoder_channel};
-pub use crate::flexibility::{bending_response, first_mode_of_gain, flexibility};
+pub use crate::flexibility::{GainAt, bending_response, first_mode_of_gain, flexibility};
 pub use crate::gravity::{STANDARD_GRAVITY_MPS2, normal_gravity};
 pub use crate::kinematics::{
     BarState, EARTH_RATE, Sensed, acceleration, angular_rate, attitude, euler, magnetic_field, ned_from_body, position,

@@ -8,6 +8,7 @@ use crate::motion::Motion;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use signal::{ComponentFit, DelayFit, DelayResponse, GainResponse, Measurement, Reference, SmoothedMotion};
+use std::f64::consts::TAU;
 
 /// Number of draws: the uncertainty of a delay is then known to 1/√(2·16) = 18 %.
 const DRAWS: usize = 16;
@@ -31,6 +32,15 @@ pub(crate) struct Sensitivity<'a> {
     pub(crate) span: (f64, f64),
     /// Derivatives by the bar's angle, rate and acceleration.
     pub(crate) slope: &'a [[f64; 3]],
+}
+
+impl Sensitivity<'_> {
+    /// The slopes nearest to `t`.
+    fn at(&self, t: f64) -> Option<&[f64; 3]> {
+        let (first, last) = self.span;
+        let place = (t - first) / (last - first) * self.slope.len().saturating_sub(1) as f64;
+        self.slope.get(place.round().max(0.0) as usize)
+    }
 }
 
 impl ReferenceErrors {
@@ -105,12 +115,32 @@ impl ReferenceErrors {
         (shares.iter().map(|s| s * s).sum::<f64>() / shares.len().max(1) as f64).sqrt()
     }
 
+    /// Frequency of the motion that the gain of one component stands for, Hz: a bar that bends raises the gain as if it
+    /// swung at that frequency alone.
+    ///
+    /// A bar that bends turns by ξ − ε ξ″ with a small ε (design note 1.6, below resonance). The increase of the gain
+    /// over ε is a mean ω² of the motion, weighted as the fit with its noise weights it.
+    pub(crate) fn frequency_of_gain_hz(
+        &self,
+        measurement: &Measurement<'_>,
+        fit: &DelayFit,
+        component: &ComponentFit,
+        by: &Sensitivity<'_>,
+    ) -> Option<f64> {
+        let response = GainResponse::of(measurement, component, fit.delay_s)?;
+        let bent = |t: &f64| {
+            let instant = t - fit.delay_s;
+            let slope = by.at(instant);
+            let Some((slope, [_, _, acceleration, jerk])) = slope.zip(self.once.at(instant)) else { return 0.0 };
+            -self.sign * (slope[0] * acceleration + slope[1] * jerk)
+        };
+        let omega2 = response.shift(&component.t_used.iter().map(bent).collect::<Vec<f64>>())?;
+        (omega2 > 0.0).then(|| omega2.sqrt() / TAU)
+    }
+
     /// Error of a reference at `t`.
     fn error(&self, draw: &SmoothedMotion, by: &Sensitivity<'_>, t: f64) -> f64 {
-        let (first, last) = by.span;
-        let place = (t - first) / (last - first) * by.slope.len().saturating_sub(1) as f64;
-        let row = place.round().max(0.0) as usize;
-        let Some((slope, error)) = by.slope.get(row).zip(draw.at(t)) else { return 0.0 };
+        let Some((slope, error)) = by.at(t).zip(draw.at(t)) else { return 0.0 };
         self.sign * (slope[0] * error[0] + slope[1] * error[1] + slope[2] * error[2])
     }
 }

@@ -404,6 +404,10 @@ pub struct ComponentDynamics {
     pub why_not: String,
     /// Gain: measured divided by reference.
     pub gain: Option<Estimate>,
+    /// Frequency of the motion that the gain stands for, Hz: its mean over the motion, weighted as the fit weights it.
+    /// `None` without a fit and in records of earlier versions.
+    #[serde(default)]
+    pub gain_frequency_hz: Option<f64>,
     /// Offset: measured less reference, unit.
     pub offset: Option<Estimate>,
     /// Drift of the offset, unit per second.
@@ -762,9 +766,12 @@ pub struct MagnetometerFinding {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct Flexibility {
-    /// Gain of position and velocity.
+    /// Frequency of the motion to which both gains are converted, Hz; `None` in records of earlier versions.
+    #[serde(default)]
+    pub frequency_hz: Option<f64>,
+    /// Gain of position, velocity and height.
     pub translation_gain: Estimate,
-    /// Gain of attitude, rate and magnetic field.
+    /// Gain of attitude and rate.
     pub rotation_gain: Estimate,
     /// (rotation − 1)/(translation − 1): 1.38 to 1.50 for a bar that bends.
     pub ratio: Finding<Estimate>,

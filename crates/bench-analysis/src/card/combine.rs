@@ -196,7 +196,8 @@ fn report_doubts(records: &[&(String, BenchRecord)], notices: &mut Notices) {
         let doubts = record.doubts();
         if !doubts.is_empty() {
             let slipped = failed_checks(record).any(|c| c.name == ENCODER_SLIP);
-            let part = if slipped { "The delays are from the longest part without a slip. " } else { "" };
+            let part =
+                if slipped { "The delays are from the part with the most motion between two slips. " } else { "" };
             let text = format!(
                 "{}. {part}Every delay of the record is in doubt: correct the named cause and measure again",
                 doubts.join("; ")

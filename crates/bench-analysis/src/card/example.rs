@@ -142,6 +142,7 @@ pub(crate) fn channel(name: &str, delay_s: f64, u_s: f64) -> ChannelDynamics {
             excited: true,
             why_not: String::new(),
             gain: Some(estimate(1.0, 0.01)),
+            gain_frequency_hz: Some(0.6),
             offset: None,
             drift: None,
             noise: None,

@@ -62,7 +62,12 @@ fn in_plane(inputs: &Inputs<'_>, clue: &Clue, fit: &ForceFit) -> Vec<MountCheck>
         check(format!("bias {axis} of {name}"), "m/s²", fit.estimate(k), None, 0.0, text.to_owned())
     };
     vec![
-        arm("z", fitted_z, z, "from the angular acceleration and the square of the rate".to_owned()),
+        arm(
+            "z",
+            fitted_z,
+            z,
+            "from the angular acceleration and the square of the rate; a bar that bends raises it too".to_owned(),
+        ),
         arm("x", fitted_x, x, pitched),
         scale_check(format!("scale of {name}"), scale, gravity),
         bias("x", 4),

@@ -2,8 +2,8 @@
 
 use bench_analysis::{BenchInput, Rig, bench};
 use rayon::prelude::*;
-use record::{ChannelDynamics, DelayFinding, Estimate};
-use simulate::{BenchChannel, BenchSensor, BenchSettings, RigText, simulate_bench};
+use record::{BenchFindings, ChannelDynamics, DelayFinding, Estimate};
+use simulate::{BenchChannel, BenchSensor, BenchSettings, FlexibleBar, RigText, simulate_bench};
 use std::path::Path;
 
 /// One gyro on the paper's bench.
@@ -14,13 +14,38 @@ fn gyro(settings: BenchSettings, sensor: BenchSensor) -> ChannelDynamics {
 /// One channel on the paper's bench.
 fn alone(channel: BenchChannel, settings: BenchSettings, sensor: BenchSensor) -> ChannelDynamics {
     let settings = settings.only(&[channel]).with(channel, sensor);
-    let simulated = simulate_bench(&settings).unwrap();
+    measured(&settings).channels.into_iter().next().unwrap()
+}
+
+fn measured(settings: &BenchSettings) -> BenchFindings {
+    let simulated = simulate_bench(settings).unwrap();
     let what = RigText { model: "M".into(), serial: "1".into(), to_be_fitted: false };
     let mut rig = Rig::parse(&simulated.rig_text(&what), Path::new("simulated.rig.toml")).unwrap();
     rig.analysis.inject_s = vec![];
     let flight = simulated.to_flight().unwrap();
-    let found = bench(&BenchInput { encoder: &flight, sensor: &flight, one_log: true }, &rig).unwrap();
-    found.findings.channels.into_iter().next().unwrap()
+    bench(&BenchInput { encoder: &flight, sensor: &flight, one_log: true }, &rig).unwrap().findings
+}
+
+/// Former bug: 4.3 ± 0.3 Hz for a true 5 Hz, because every gain was taken at the rms frequency of the bar's angle.
+#[test]
+fn a_bending_bar_has_its_first_mode_and_the_ratio_of_a_cantilever() {
+    for (frequency_hz, seed) in [(4.0, 1), (6.0, 2)] {
+        let mut settings = BenchSettings { seed, ..BenchSettings::default() }.only(&[
+            BenchChannel::VelocityIns,
+            BenchChannel::Attitude,
+            BenchChannel::AngularRate,
+        ]);
+        settings.bar.flexible =
+            Some(FlexibleBar { frequency_hz, damping: 0.02, participation: 1.031, slope_ratio: 1.4767 });
+        let found = measured(&settings).flexibility;
+        let bar = found.found().unwrap();
+        let (mode, ratio) = (*bar.first_mode_hz.found().unwrap(), *bar.ratio.found().unwrap());
+        assert!(mode.standard_uncertainty.unwrap() < 0.05 * frequency_hz, "{}", bar.text);
+        // One of the four intervals of 99 % misses in 4 of 100 such tests.
+        for (e, truth) in [(mode, frequency_hz), (ratio, 1.4767)] {
+            assert!((e.value - truth).abs() <= 2.6 * e.standard_uncertainty.unwrap(), "{e:?}: {}", bar.text);
+        }
+    }
 }
 
 /// A gyro that is 2 ms late, against an encoder of few counts: the reported delay and lag.

@@ -225,6 +225,17 @@ fn an_encoder_slip_splits_the_record_and_is_reported() {
     }
 }
 
+/// The dead part is the longer one, and has no motion.
+#[test]
+fn an_encoder_that_dies_is_used_up_to_then() {
+    let honest = counts(&Swing::by_hand(0.0));
+    let dead = with_values(&honest, |k, v| if k < 1500 { v } else { 777.0 });
+    let series = EncoderSeries::of("encoder.bar", &dead, &rig("", "", "")).unwrap();
+    assert!((1499..=1500).contains(&series.t_s.len()), "{} {:?}", series.t_s.len(), series.slips);
+    assert!(series.t_s[0] < 0.01, "{}", series.t_s[0]);
+    assert!(series.notices.iter().any(|n| n.code == "encoder-repaired"), "{:?}", series.notices);
+}
+
 /// False alarms: swings of many speeds and phases, coarse and fine encoders.
 #[test]
 fn an_encoder_without_slips_reports_no_slip() {

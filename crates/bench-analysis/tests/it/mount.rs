@@ -1,7 +1,7 @@
 //! Side of the pivot, lever arm, misalignment, scales and biases from the record.
 
 use crate::support::{LENGTH, Sensor, Swing, encoder_channel, everything, motion, rig};
-use bench_analysis::{Rig, Surroundings, align, flexibility, mount_finding};
+use bench_analysis::{GainAt, Rig, Surroundings, align, flexibility, mount_finding};
 use flight::{Flight, Notices, Series};
 use record::{Estimate, Finding, MountCheck, MountFinding};
 use std::f64::consts::PI;
@@ -161,8 +161,12 @@ fn a_longer_arm_contradicts_a_stiff_rig_but_not_a_bending_one() {
     }
 }
 
-fn gain(value: f64, u: f64) -> Estimate {
-    Estimate { value, standard_uncertainty: Some(u) }
+fn gain(value: f64, u: f64) -> GainAt {
+    gain_at(0.55, value, u)
+}
+
+fn gain_at(frequency_hz: f64, value: f64, u: f64) -> GainAt {
+    GainAt { gain: Estimate { value, standard_uncertainty: Some(u) }, frequency_hz }
 }
 
 #[test]
@@ -170,7 +174,7 @@ fn gains_of_a_bending_bar_give_its_first_mode() {
     // 4 Hz bar at 0.55 Hz with a light tip: Γ = 1.06, κ = 1.45.
     let (p, _) = bench_analysis::bending_response(0.55, 4.0, 0.02, 1.06);
     let (r, _) = bench_analysis::bending_response(0.55, 4.0, 0.02, 1.06 * 1.45);
-    let found = flexibility(&[gain(p, 4e-4), gain(p, 6e-4)], &[gain(r, 3e-4)], 0.55, Some(4.0));
+    let found = flexibility(&[gain(p, 4e-4), gain(p, 6e-4)], &[gain(r, 3e-4)], Some(4.0));
     let found = found.found().unwrap();
     let mode = found.first_mode_hz.found().unwrap();
     assert!((mode.value - 4.0).abs() < 2.0 * mode.standard_uncertainty.unwrap(), "{mode:?}");
@@ -180,8 +184,19 @@ fn gains_of_a_bending_bar_give_its_first_mode() {
 }
 
 #[test]
+fn gains_of_motion_at_different_frequencies_give_the_same_first_mode() {
+    let at = |hz: f64, factor: f64| gain_at(hz, bench_analysis::bending_response(hz, 5.0, 0.02, factor).0, 3e-4);
+    let found = flexibility(&[at(0.5, 1.031), at(0.7, 1.031)], &[at(0.65, 1.031 * 1.4767)], None);
+    let found = found.found().unwrap();
+    let mode = found.first_mode_hz.found().unwrap();
+    assert!((mode.value - 5.0).abs() < 2.0 * mode.standard_uncertainty.unwrap(), "{mode:?}");
+    let ratio = found.ratio.found().unwrap();
+    assert!((ratio.value - 1.4767).abs() < 0.02, "{ratio:?}");
+}
+
+#[test]
 fn a_scale_error_is_not_mistaken_for_bending() {
-    let found = flexibility(&[gain(1.02, 5e-4)], &[gain(1.02, 5e-4)], 0.55, None);
+    let found = flexibility(&[gain(1.02, 5e-4)], &[gain(1.02, 5e-4)], None);
     let found = found.found().unwrap();
     assert!(found.text.contains("scale"), "{}", found.text);
     assert!(matches!(found.first_mode_hz, Finding::CannotTell(_)));
@@ -189,11 +204,11 @@ fn a_scale_error_is_not_mistaken_for_bending() {
 
 #[test]
 fn a_stiff_bar_states_which_frequencies_it_excludes() {
-    let found = flexibility(&[gain(1.0002, 5e-4)], &[gain(0.9998, 3e-4)], 0.55, None);
+    let found = flexibility(&[gain(1.0002, 5e-4)], &[gain(0.9998, 3e-4)], None);
     let found = found.found().unwrap();
     assert!(matches!(&found.ratio, Finding::CannotTell(_)));
     // Three standard uncertainties of 3e-4 against κΓ (0.55/f)²: f = 0.55 √(1.54/9e-4) = 22.7 Hz.
     let Finding::CannotTell(why) = &found.first_mode_hz else { panic!("{found:?}") };
     assert!(why.contains("22.7 Hz") || why.contains("22.8 Hz"), "{why}");
-    assert!(matches!(flexibility(&[], &[gain(1.0, 1e-3)], 0.55, None), Finding::CannotTell(_)));
+    assert!(matches!(flexibility(&[], &[gain(1.0, 1e-3)], None), Finding::CannotTell(_)));
 }

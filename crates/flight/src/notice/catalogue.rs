@@ -356,7 +356,7 @@ catalogue! {
                 "Correct the rig file, or the cause of the scatter of the angle, and measure again.";
             EncoderRepaired, "encoder-repaired", [Warning, Info],
                 "The encoder wrapped around and was unwrapped, or impossible single samples were dropped, or its \
-                 count slipped: then only the longest part without a slip is used.",
+                 count slipped: then only the part with the most motion between two slips is used.",
                 "Check the cable if there are many single samples.";
         }
         "Export and recover" {

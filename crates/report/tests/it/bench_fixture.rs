@@ -117,6 +117,7 @@ fn component(kind: &Kind, index: usize) -> ComponentDynamics {
         excited,
         why_not: if excited { String::new() } else { "constant in a planar swing".into() },
         gain: excited.then(|| estimate(kind.gain, 0.0011)),
+        gain_frequency_hz: excited.then_some(0.55),
         offset: Some(estimate(0.0123, 0.0021)),
         drift: kind.name.starts_with("position").then(|| estimate(-0.000_31, 0.000_12)),
         noise: excited.then_some(NoiseFinding {
@@ -635,6 +636,7 @@ pub fn bench_record() -> BenchRecord {
             clocks: clocks(),
             mount: mount(),
             flexibility: Finding::Found(Flexibility {
+                frequency_hz: Some(0.55),
                 translation_gain: estimate(1.0142, 0.0007),
                 rotation_gain: estimate(1.0203, 0.0009),
                 ratio: Finding::Found(estimate(1.43, 0.09)),

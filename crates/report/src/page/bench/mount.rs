@@ -58,8 +58,9 @@ fn checks(checks: &[MountCheck]) -> Markup {
 fn bar(found: &Flexibility) -> Markup {
     let hertz = |e| html! { (estimate(e)) " Hz" };
     let facts = html! {
-        (fact("Gain of position and velocity", estimate(&found.translation_gain)))
-        (fact("Gain of attitude, rate and magnetic field", estimate(&found.rotation_gain)))
+        (fact("Gain of position, velocity and height", estimate(&found.translation_gain)))
+        (fact("Gain of attitude and rate", estimate(&found.rotation_gain)))
+        (fact("Frequency of both gains", or_why(found.frequency_hz, "not recorded", |hz| html! { (number::fixed(hz, 2)) " Hz" })))
         (fact("(rotation − 1)/(translation − 1)", html! {
             (finding(&found.ratio, estimate)) "; 1.38 to 1.50 for a bar that bends"
         }))
