@@ -19,7 +19,7 @@ fn an_invalid_command_or_pipeline_ends_with_2_and_its_position() {
     run(["campaign", &flights, "--out", &out, "--map", "no-such-map"], 2);
     let wrong = text(&run(["campaign", &flights, "--out", &out, "--pipeline", &path("p.toml")], 2).stderr);
     assert!(wrong.contains("p.toml:4: unknown key `position`") && wrong.contains("`position_s`"), "{wrong}");
-    let wrong = text(&run(["delay", &flights, "--reference-clock", "same"], 2).stderr);
+    let wrong = text(&run(["delay", &flights, "--reference-clock", "own"], 2).stderr);
     assert!(wrong.contains("--reference-clock needs --reference FILE"), "{wrong}");
     let empty = text(&run(["campaign", &flights, "--out", &out], 1).stderr);
     assert!(empty.contains("no flight found"), "{empty}");

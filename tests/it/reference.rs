@@ -96,6 +96,21 @@ fn lateness_against_a_reference_with_the_same_clock_is_absolute() {
     assert_eq!(both["flights"][0]["effect"], "helped");
 }
 
+/// By default it only checks the result. `--reference-clock same` says that it is on time.
+#[test]
+fn lateness_is_measured_against_a_reference_in_the_log_if_it_is_said_to_be_on_time() {
+    let folder = tempfile::tempdir().unwrap();
+    simulate::write_campaign(folder.path(), 1, 120.0, 1).unwrap();
+    let alone = &answer(folder.path(), &["."])["flights"][0];
+    assert_eq!(alone["datum"], "relative to velocity.gps");
+    assert!(alone["words"].as_str().unwrap().contains("As a check: the delay of position.gps against position.truth"));
+    assert!(alone["removed_s"].is_null(), "{alone}");
+    let said = &answer(folder.path(), &[".", "--reference-clock", "same"])["flights"][0];
+    assert_eq!((&said["datum"], &said["effect"]), (&"reference".into(), &"helped".into()), "{said}");
+    let (value, u) = (said["lateness_s"].as_f64().unwrap(), said["lateness_u_s"].as_f64().unwrap());
+    assert!((value - 0.4).abs() < 3.0 * u && u < 5e-3, "{value} ± {u}");
+}
+
 #[test]
 fn a_reference_with_its_own_clock_is_tied_by_the_velocity() {
     let folder = tempfile::tempdir().unwrap();

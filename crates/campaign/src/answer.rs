@@ -57,7 +57,7 @@ pub(crate) fn measure(
         Ok([position, velocity]) => (Some(position.0), Some(velocity.0)),
         Err(_) => (flight.first_of(positions).map(|p| p.0), None),
     };
-    let network = network_of(&delays, velocity, reference.as_ref());
+    let network = network_of(&delays, velocity, reference.as_ref(), pipeline.log_reference_is_on_time());
     let reference_file = reference.map(|reference| settled(reference, network.as_ref()));
     let grouped = position.and_then(|position| grouped(position, flight, health, binding));
     let (group, content) = grouped.unwrap_or_default();
@@ -75,8 +75,8 @@ pub(crate) fn measure(
         Ok(_) => answered(base, &delays, network.as_ref(), health),
         Err(_) if position.is_none() => unusable(base, no_position(flight, binding, positions)),
         Err(refusal @ Refusal::NoChannel { .. }) => {
-            let check = position.and_then(|position| against_reference(position, &delays)).unwrap_or_default();
-            unusable(base, format!("{refusal}{check}"))
+            let check = position.and_then(|position| against_reference(position, &delays));
+            unusable(base, format!("{refusal}{}", check.map(|(_, words)| words).unwrap_or_default()))
         }
         Err(refusal) => FlightLateness { words: refusal.to_string(), ..base },
     };
@@ -162,16 +162,18 @@ pub(crate) fn unknown(key: &str) -> FlightLateness {
         lever_arm_s_per_decimetre: None,
         other_receivers: vec![],
         alarms: vec![],
+        checked_against: None,
         advice: DelayAdvice::default(),
     }
 }
 
 /// One lateness per channel from the measured pairs. A reference file on the log's clock is on time; one with its own
-/// clock has a lateness like any channel.
+/// clock has a lateness like any channel. A reference in the log is on time only if the pipeline says so.
 fn network_of(
     delays: &FlightDelays,
     velocity: Option<&str>,
     reference: Option<&ReferenceFile>,
+    log_reference_is_on_time: bool,
 ) -> Option<DelayNetwork> {
     let pairs: Vec<PairObservation> = delays.pairs.iter().map(observation).collect();
     let settings = NetworkSettings {
@@ -179,6 +181,7 @@ fn network_of(
         reference: match reference.map(|r| &r.clock) {
             Some(ReferenceClock::Same) => ReferenceUse::Datum,
             Some(ReferenceClock::Own(_)) => ReferenceUse::OwnClock,
+            None if log_reference_is_on_time => ReferenceUse::Datum,
             Some(ReferenceClock::Unknown { .. }) | None => ReferenceUse::Judges,
         },
         ..NetworkSettings::default()
@@ -238,8 +241,9 @@ fn answered(
     out.also = also(over_time);
     out.alarms = alarms::of(&out, network, measured, over_time);
     out.words = words(&out, pair, over_time);
-    if let Some(check) = checked_by_reference(&out, delays) {
+    if let Some((reference, check)) = checked_by_reference(&out, delays) {
         out.words += &check;
+        out.checked_against = Some(reference.to_owned());
     }
     if let Some(network) = network {
         out.other_receivers = other_receivers(&out, network);
@@ -332,16 +336,18 @@ fn words(out: &FlightLateness, pair: Option<&PairDelay>, over_time: Option<&Dela
 
 /// Lateness of the position against a reference in the log. That reference is not a datum, so that it can check the
 /// answer independently. A reference file has its own line, and its clock may differ from that of the log.
-fn checked_by_reference(out: &FlightLateness, delays: &FlightDelays) -> Option<String> {
+fn checked_by_reference<'a>(out: &FlightLateness, delays: &'a FlightDelays) -> Option<(&'a str, String)> {
     let relative = out.lateness.as_ref()?.relative_to.is_some() && !out.kind.varies() && out.reference_file.is_none();
     against_reference(out.position.as_deref().filter(|_| relative)?, delays)
 }
 
-fn against_reference(position: &str, delays: &FlightDelays) -> Option<String> {
+/// The reference, and how late the position is against it, in words.
+fn against_reference<'a>(position: &str, delays: &'a FlightDelays) -> Option<(&'a str, String)> {
     let against = |p: &&PairDelay| p.kind == DelayPairKind::PositionAgainstReference && p.first == position;
     let pair = delays.pairs.iter().find(against)?;
     let found = pair.delay.found()?.delay_s;
-    Some(format!(". As a check: the delay of {position} against {} is {} ms", pair.second, in_ms(&found)))
+    let words = format!(". As a check: the delay of {position} against {} is {} ms", pair.second, in_ms(&found));
+    Some((&pair.second, words))
 }
 
 /// Other measured positions, not of a filter, with a different lateness: the delay of one receiver is wrong for

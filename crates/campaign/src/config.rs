@@ -72,7 +72,7 @@ struct Written {
     /// Channels of a flight: the first of each list that the flight has is used.
     #[serde(default)]
     channels: WrittenChannels,
-    /// Second file of each flight, with a reference or a velocity.
+    /// Second file of each flight, with a reference or a velocity; without `file`, the clock of the reference in the log.
     #[cfg_attr(feature = "schema", schemars(with = "Option<WrittenReference>"))]
     reference: Option<Spanned<WrittenReference>>,
     /// Settings of the compensators.
@@ -100,10 +100,11 @@ struct WrittenCriteria {
 struct WrittenReference {
     /// The second file, relative to the folder of the flight's log. `{stem}` is the log's file name without its
     /// extension, `*` matches anything: `{stem}.pos`, `{stem}_*.csv`.
-    #[cfg_attr(feature = "schema", schemars(with = "String"))]
-    file: Spanned<String>,
+    #[cfg_attr(feature = "schema", schemars(with = "Option<String>"))]
+    file: Option<Spanned<String>>,
     /// Relation of its clock to the clock of the log: `auto` (two files with UTC or GPS time share a clock; for others
-    /// the offset is estimated), `same`, or `own` (the offset is estimated). Default: auto.
+    /// the offset is estimated), `same`, or `own` (the offset is estimated). Default: auto. Without a file only `same`: the
+    /// reference in the log is on time, and lateness is measured against it.
     #[serde(default)]
     #[cfg_attr(feature = "schema", schemars(with = "WrittenClock"))]
     clock: ClockRule,
@@ -348,9 +349,28 @@ struct Resolved {
     sensor: Option<SensorIdentity>,
     channels: ResolvedChannels,
     #[serde(skip_serializing_if = "Option::is_none")]
-    reference: Option<ReferenceRule>,
+    reference: Option<ResolvedReference>,
     replay: ResolvedReplay,
     maps: ResolvedMaps,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(untagged)]
+enum ResolvedReference {
+    File(ReferenceRule),
+    /// The reference in the log itself; its clock is [`ClockRule::Same`].
+    InLog {
+        clock: ClockRule,
+    },
+}
+
+impl ResolvedReference {
+    fn clock(&self) -> ClockRule {
+        match self {
+            ResolvedReference::File(rule) => rule.clock,
+            ResolvedReference::InLog { clock } => *clock,
+        }
+    }
 }
 
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
@@ -570,7 +590,7 @@ impl Pipeline {
     pub(crate) fn measure_blake3(&self) -> String {
         let Resolved { measure, channels, maps, delay, reference, .. } = &self.resolved;
         // The file itself is part of the flight's content.
-        let clock = reference.as_ref().map(|rule| rule.clock);
+        let clock = reference.as_ref().map(ResolvedReference::clock);
         let part = MeasurePart { measure, channels, clock, maps, pin: &delay.pin };
         blake3::hash(toml::to_string(&part).unwrap_or_default().as_bytes()).to_hex().to_string()
     }
@@ -597,19 +617,29 @@ impl Pipeline {
         &self.resolved.channels.reference
     }
 
-    /// The same pipeline with a second file for each flight: a path, or a pattern relative to the flight's folder.
+    /// The same pipeline with a second file for each flight: a path, or a pattern relative to the flight's folder. With
+    /// [`ClockRule::Same`] and no file, the reference in the log is on time.
     ///
     /// # Errors
-    /// A clock rule is given, but no second file.
+    /// Another clock rule is given, but no second file.
     pub fn with_reference(mut self, file: Option<String>, clock: Option<ClockRule>) -> Result<Pipeline, CampaignError> {
         let known = self.resolved.reference.take();
-        if clock.is_some() && file.is_none() && known.is_none() {
-            let what = "--reference-clock needs --reference FILE";
-            return Err(CampaignError::Asked(what.to_owned()));
-        }
-        let clock = clock.or(known.as_ref().map(|rule| rule.clock)).unwrap_or_default();
-        self.resolved.reference = file.or(known.map(|rule| rule.file)).map(|file| ReferenceRule { file, clock });
-        if self.resolved.reference.is_some() {
+        let clock = clock.or(known.as_ref().map(ResolvedReference::clock));
+        let known_file = known.and_then(|reference| match reference {
+            ResolvedReference::File(rule) => Some(rule.file),
+            ResolvedReference::InLog { .. } => None,
+        });
+        self.resolved.reference = match (file.or(known_file), clock) {
+            (Some(file), _) => Some(ResolvedReference::File(ReferenceRule { file, clock: clock.unwrap_or_default() })),
+            (None, None) => None,
+            (None, Some(clock @ ClockRule::Same)) => Some(ResolvedReference::InLog { clock }),
+            (None, Some(_)) => {
+                let what = "--reference-clock needs --reference FILE, unless it is `same`: then the reference in the log is \
+                            on time";
+                return Err(CampaignError::Asked(what.to_owned()));
+            }
+        };
+        if self.reference_file().is_some() {
             self.resolved.channels.with_reference_file();
         }
         Ok(self)
@@ -617,7 +647,15 @@ impl Pipeline {
 
     /// Where the second file of each flight is.
     pub(crate) fn reference_file(&self) -> Option<&ReferenceRule> {
-        self.resolved.reference.as_ref()
+        match &self.resolved.reference {
+            Some(ResolvedReference::File(rule)) => Some(rule),
+            Some(ResolvedReference::InLog { .. }) | None => None,
+        }
+    }
+
+    /// Whether the reference in the log is on time, so that lateness is measured against it.
+    pub(crate) fn log_reference_is_on_time(&self) -> bool {
+        matches!(self.resolved.reference, Some(ResolvedReference::InLog { .. }))
     }
 
     /// The requested source of the delay.
@@ -778,7 +816,7 @@ impl Checker<'_> {
         let (measure, replay) = (self.measure(&written.measure), self.replay(&written.replay));
         let channel_lines = self.channel_lines(&written.channels);
         let channels = self.channels(written.channels);
-        let reference = written.reference.map(|r| self.reference(r.into_inner())).transpose();
+        let reference = written.reference.map(|r| self.reference(r)).transpose();
         let criteria = written.criteria.map(|c| self.criteria(&c.file)).transpose();
         let searched = match (&measure, &delay) {
             (Ok(measure), Ok((rule, _))) => self.is_searched(&written_delay, rule, measure),
@@ -801,7 +839,7 @@ impl Checker<'_> {
             replay: replay?,
             maps: ResolvedMaps { force: written.maps.force },
         };
-        if resolved.reference.is_some() {
+        if matches!(resolved.reference, Some(ResolvedReference::File(_))) {
             resolved.channels.with_reference_file();
         }
         let maps_folder = written.maps.folder.map(|f| self.next_to_file(&f));
@@ -1089,11 +1127,18 @@ impl Checker<'_> {
         }
     }
 
-    fn reference(&self, written: WrittenReference) -> Result<ReferenceRule, Refused> {
-        if written.file.get_ref().trim().is_empty() {
-            return Err(self.fault(&written.file, "reference.file must name a file, such as \"{stem}.pos\""));
+    fn reference(&self, written: Spanned<WrittenReference>) -> Result<ResolvedReference, Refused> {
+        let clock = written.get_ref().clock;
+        let Some(file) = &written.get_ref().file else {
+            let what = "reference needs `file`, such as \"{stem}.pos\", or `clock = \"same\"` for a reference in the log that is \
+                        on time";
+            let is_in_log = clock == ClockRule::Same;
+            return is_in_log.then_some(ResolvedReference::InLog { clock }).ok_or_else(|| self.fault(&written, what));
+        };
+        if file.get_ref().trim().is_empty() {
+            return Err(self.fault(file, "reference.file must name a file, such as \"{stem}.pos\""));
         }
-        Ok(ReferenceRule { file: written.file.into_inner(), clock: written.clock })
+        Ok(ResolvedReference::File(ReferenceRule { file: file.get_ref().clone(), clock }))
     }
 
     fn measure(&self, written: &WrittenMeasure) -> Result<ResolvedMeasure, Refused> {

@@ -188,7 +188,10 @@ impl<T> Columns<'_, T> {
 /// The answer columns, shared by `flightlag delay` and the campaign's table.
 fn line_columns(lines: &[DelayLine]) -> Vec<SheetColumn> {
     let of = Columns(lines);
-    let alarms = |line: &DelayLine| line.alarms.iter().map(|a| a.code.as_str()).collect::<Vec<_>>().join(" ");
+    let codes = |line: &DelayLine, remarks: bool| {
+        let wanted = line.alarms.iter().filter(|a| (a.gravity == "grey") == remarks);
+        Some(wanted.map(|a| a.code.as_str()).collect::<Vec<_>>().join(" ")).filter(|codes| !codes.is_empty())
+    };
     vec![
         of.optional_text("flight", &|l| &l.flight),
         of.optional_text("group", &|l| &l.group),
@@ -204,13 +207,14 @@ fn line_columns(lines: &[DelayLine]) -> Vec<SheetColumn> {
         of.optional_text("effect", &|l| &l.effect),
         of.number("error_raw_m", &|l| l.error_raw_m),
         of.number("error_compensated_m", &|l| l.error_compensated_m),
-        of.text("alarms", &|l| Some(alarms(l)).filter(|a| !a.is_empty())),
+        of.text("alarms", &|l| codes(l, false)),
         of.optional_text("data", &|l| &l.data),
         of.number("position_minus_velocity_u_s", &|l| l.position_minus_velocity_u_s),
         of.number("error_raw_u_m", &|l| l.error_raw_u_m),
         of.number("error_compensated_u_m", &|l| l.error_compensated_u_m),
         of.optional_text("answer", &|l| &l.words),
         of.optional_text("effect_words", &|l| &l.effect_words),
+        of.text("remarks", &|l| codes(l, true)),
     ]
 }
 

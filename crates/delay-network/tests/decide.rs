@@ -95,7 +95,7 @@ fn row_3_takes_the_others_if_the_own_delay_is_unknown() {
         (undecided("own", |p| p.verdict = NetworkVerdict::Undecided), "which one is wrong is unknown"),
         (undecided("own", |p| p.verdict = NetworkVerdict::Scattered), "do not agree"),
         (undecided("own", |p| p.datum = NetworkDatum::Refused), "its IMU is itself late"),
-        (undecided("own", |p| p.datum = NetworkDatum::None), "nothing in this flight ties it to true time"),
+        (undecided("own", |p| p.datum = NetworkDatum::None), "no sensor of this flight ties it to true time"),
         (undecided("own", |p| p.weak = true), "link to true time is a filter"),
         (FlightSources { flight: "own".to_owned(), ..FlightSources::default() }, "no pair of channels gave one"),
         (

@@ -286,7 +286,7 @@ pub(crate) struct DelayArguments {
     #[arg(long, value_name = "FILE")]
     pub(crate) reference: Option<String>,
     /// Relation of its clock to the clock of the log: same, own (the offset is estimated), or auto (own unless both use UTC
-    /// or GPS time).
+    /// or GPS time). Without --reference, only same: the reference in the log is on time.
     #[arg(long, value_name = "RULE", value_parser = clock_rule)]
     pub(crate) reference_clock: Option<campaign::ClockRule>,
     /// Number of threads. Default: all cores, or SLURM_CPUS_PER_TASK.
@@ -376,7 +376,8 @@ pub(crate) struct OrderArguments {
     /// pipeline.
     #[arg(long, value_name = "FILE")]
     pub(crate) reference: Option<String>,
-    /// Relation of its clock to the clock of the log: auto, same or own.
+    /// Relation of its clock to the clock of the log: auto, same or own. Without a second file, only same: the reference in
+    /// the log is on time.
     #[arg(long, value_name = "RULE", value_parser = clock_rule)]
     pub(crate) reference_clock: Option<campaign::ClockRule>,
     /// Replace the report in OUT even if it is of other logs.

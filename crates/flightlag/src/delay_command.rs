@@ -251,7 +251,14 @@ fn expanded_ms(value: Option<f64>, u: Option<f64>) -> String {
 
 fn removed(line: &DelayLine) -> String {
     match line.removed_s {
-        Some(delay_s) => format!("{:.1} ms, {}", 1e3 * delay_s, line.removed_from),
+        Some(delay_s) => {
+            let from = match line.removed_from.as_str() {
+                "others-flights" => "other flights",
+                "own-network" => "this flight",
+                other => other,
+            };
+            format!("{:.1} ms, from {from}", 1e3 * delay_s)
+        }
         None => "nothing".to_owned(),
     }
 }

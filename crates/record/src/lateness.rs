@@ -81,6 +81,10 @@ pub struct FlightLateness {
     /// Other unfiltered positions of the log with a different lateness, relative to the datum in `against`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub other_receivers: Vec<OtherReceiver>,
+    /// A reference in the log that checks a relative lateness. It is not the datum, unless the pipeline says that it is
+    /// on time.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub checked_against: Option<String>,
     /// Alarms about this number, the most serious first.
     pub alarms: Vec<DelayAlarm>,
     /// Recommended settings or flights.

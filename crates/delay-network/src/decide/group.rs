@@ -182,7 +182,7 @@ fn rename(pool: &mut DelayPool, flights: &[FlightSources]) {
 pub(crate) fn why_not_own(position: &PositionLateness) -> Option<&'static str> {
     use record::NetworkVerdict::{Scattered, Undecided};
     match (position.datum, position.verdict) {
-        (NetworkDatum::None, _) => Some("nothing in this flight ties it to true time"),
+        (NetworkDatum::None, _) => Some("no sensor of this flight ties it to true time"),
         (NetworkDatum::Refused, _) => Some("its IMU is itself late"),
         (_, Undecided) => Some("its pairs of channels do not agree, and which one is wrong is unknown"),
         (_, Scattered) => Some("its pairs of channels do not agree"),

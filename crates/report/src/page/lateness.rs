@@ -170,6 +170,9 @@ fn todo(record: &FlightRecord, lateness: &FlightLateness) -> Markup {
             @match lateness.lateness.as_ref().and_then(|l| l.relative_to.as_deref()) {
                 Some(than) => {
                     "No setting can be recommended: the lateness of " code { (shown(than)) } " itself is unknown."
+                    @if let Some(reference) = &lateness.checked_against {
+                        " If " code { (shown(reference)) } " is on time, " code { "--reference-clock same" } " measures against it."
+                    }
                 }
                 None => { "Nothing to set." }
             }

@@ -109,6 +109,7 @@ fn lateness(i: usize) -> FlightLateness {
         jitter_s: None,
         lever_arm_s_per_decimetre: None,
         other_receivers: vec![],
+        checked_against: None,
         alarms: alarms(i),
         advice: DelayAdvice::default(),
     }

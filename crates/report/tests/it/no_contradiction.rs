@@ -80,6 +80,7 @@ fn lateness() -> FlightLateness {
         jitter_s: None,
         lever_arm_s_per_decimetre: None,
         other_receivers: vec![],
+        checked_against: None,
         alarms: vec![
             alarm(Gravity::Red, "two-delays-fit", "two delays fit: 203 and 500 ms"),
             alarm(Gravity::Amber, "outliers", "about 9 % of the samples are outliers"),

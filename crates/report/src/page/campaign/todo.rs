@@ -204,10 +204,16 @@ fn relative(record: &CampaignRecord) -> Option<Action> {
         groups.flat_map(|g| members(g, &record.flights)).filter(|r| r.delay_s.is_none()).collect();
     let is_told = |r: &&FlightRow| r.lateness.as_ref().is_some_and(|l| l.lateness.is_some());
     let rows: Vec<&FlightRow> = rows.into_iter().filter(|r| r.duplicate_of.is_none()).filter(is_told).collect();
+    let has_reference = |r: &&&FlightRow| r.lateness.as_ref().is_some_and(|l| l.checked_against.is_some());
+    let with_reference = rows.iter().filter(has_reference).count();
     let what = html! {
         "Log the IMU (acceleration and attitude, 10 Hz or more), or measure the receiver on the bench: "
         (number::counted(rows.len() as u64, "flight shows", "flights show"))
         " how far position and velocity are apart in time, but not how late both are, so nothing was removed: " (names(&rows)) "."
+        @if with_reference > 0 {
+            " Or measure against the reference in the log, if it is on time: " code { "--reference-clock same" } " ("
+            (number::counted(with_reference as u64, "flight has one", "flights have one")) ")."
+        }
     };
     (!rows.is_empty()).then_some(Action { saves_m: 0.0, what })
 }
