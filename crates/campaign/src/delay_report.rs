@@ -403,6 +403,16 @@ mod tests {
     use super::*;
 
     #[test]
+    fn a_map_of_the_user_that_does_not_fit_is_a_red_alarm() {
+        let mut notices = Notices::new();
+        notices.push(Code::Assumption, "csv", 1, "altitude is taken as metres");
+        assert_eq!(wrong_map(&notices), None);
+        notices.push(Code::MapLacks, "own.toml", 1, "no column velocity_n");
+        let alarm = wrong_map(&notices).unwrap();
+        assert_eq!((alarm.gravity, alarm.text.as_str()), (Gravity::Red, "no column velocity_n"));
+    }
+
+    #[test]
     fn a_harmed_flight_outweighs_a_damaged_one() {
         let whole = DelayLine::of(&LineParts { flight: "a", ..LineParts::default() });
         let report = |flights: Vec<DelayLine>| DelayReport { schema: 1, flights, ..DelayReport::default() }.exit();

@@ -127,6 +127,7 @@ mod tests {
         let (first, second, out) = (at("may/data"), at("june/data"), at("reports/data"));
         check(&out, std::slice::from_ref(&first), false).unwrap();
         claim(&Store::open(&out).unwrap(), std::slice::from_ref(&first)).unwrap();
+        assert_eq!(of(&out), Some(first.display().to_string()));
         check(&out, std::slice::from_ref(&first), false).unwrap();
         check(&out, &[second.clone(), first.clone()], false).unwrap();
         check(&out, std::slice::from_ref(&second), true).unwrap();

@@ -2,8 +2,10 @@
 
 use crate::bench_fixture::{self, bench_record, card, failed_bench_record, silent_bench_record, study};
 use crate::html::{Tag, points, read, shows};
+use flight::Quantity;
 use record::{
-    BenchRecord, ChannelDynamics, DELAY_CHANGES, ENCODER_SLIP, Estimate, Finding, GateCheck, SensorCard, Verdict,
+    BenchRecord, CardChannel, ChannelDynamics, DELAY_CHANGES, ENCODER_SLIP, Estimate, Finding, GateCheck, SensorCard,
+    Verdict,
 };
 use report::{
     BenchPage, CardPage, CardRecord, IndexedCard, Site, WithoutMean, bench_site, card_site, cards_site,
@@ -366,6 +368,23 @@ fn a_delay_in_doubt_is_marked_in_the_first_sentence_and_where_it_is_used() {
     assert!(!answer.contains("slow motion is"), "{answer}");
     let of_use = rest.split_once("Use it in a pipeline").unwrap().1;
     assert!(of_use.contains("✗ in doubt Measure again before you use this delay."), "{of_use}");
+}
+
+/// By delay over margin. A delay of 20 ms is 4 times the margin of 100 Hz, one of 30 ms 0.6 times that of 10 Hz.
+#[test]
+fn the_channel_that_is_latest_for_its_rate_comes_first_after_the_position() {
+    let (card, _) = card();
+    let like = card.channels.iter().find(|c| c.quantity == Quantity::VelocityNed).unwrap();
+    let channel = |name: &str, delay_s: f64, rate_hz: f64| CardChannel {
+        name: name.to_owned(),
+        delay_s,
+        update_rate_hz: Some(rate_hz),
+        ..like.clone()
+    };
+    let channels = vec![channel("velocity.slow", 0.030, 10.0), channel("velocity.fast", 0.020, 100.0)];
+    let html = text(&card_of(&SensorCard { channels, ..card }, &[]), "index.html").to_owned();
+    let place = |name: &str| html.find(name).unwrap();
+    assert!(place("velocity.fast") < place("velocity.slow"));
 }
 
 #[test]

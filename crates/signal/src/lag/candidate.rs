@@ -374,3 +374,24 @@ fn delay_and_lag_error(at: &Point, covariance: &[[f64; MOST_CURVED]; MOST_CURVED
     let variance = covariance[0][0] + 2.0 * slope * covariance[0][1] + slope * slope * covariance[1][1];
     (far_from_none && variance >= 0.0).then(|| variance.sqrt())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// d = s − √q has the derivatives 1 and −1/(2√q).
+    #[test]
+    fn the_uncertainty_of_the_delay_follows_from_those_of_sum_and_squared_lag() {
+        let mut covariance = [[0.0; MOST_CURVED]; MOST_CURVED];
+        (covariance[0][0], covariance[1][1]) = (4e-6, 9e-6);
+        (covariance[0][1], covariance[1][0]) = (1e-6, 1e-6);
+        let mut at = [0.0; MOST_CURVED];
+        (at[0], at[1]) = (0.1, 0.04);
+        // A lag of 0.2 s: 4 − 2·2.5·1 + 2.5²·9 = 55.25.
+        let found = delay_and_lag_error(&at, &covariance).unwrap();
+        assert!((found - 55.25e-6_f64.sqrt()).abs() < 1e-12, "{found}");
+        // A squared lag of less than two of its standard uncertainties.
+        at[1] = 0.0059;
+        assert_eq!(delay_and_lag_error(&at, &covariance), None);
+    }
+}
