@@ -159,9 +159,10 @@ impl Replaying {
                 Studied { record, track: Some(Box::new(done.track)), explorer: Some(done.explorer) }
             }
             Err(reason) => {
-                let outcome = match lateness.lateness {
-                    Some(_) => Outcome::Uncompensated { reason },
-                    None => Outcome::NotMeasurable { reason },
+                // A delay that changes was measured, but is not one number.
+                let outcome = match lateness.lateness.is_some() || lateness.kind.varies() {
+                    true => Outcome::Uncompensated { reason },
+                    false => Outcome::NotMeasurable { reason },
                 };
                 let trial = self.trial(case, &mut draft.notices).ok();
                 let (trial, explorer) = trial.unzip();

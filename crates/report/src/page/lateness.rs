@@ -177,7 +177,7 @@ fn todo(record: &FlightRecord, lateness: &FlightLateness) -> Markup {
                 None => { "Nothing to set." }
             }
         }
-        @if !advice.set.is_empty() { "Set " (settings(advice)) "." }
+        @if !advice.set.is_empty() { "By this flight alone, set " (settings(advice)) "." }
         @if let Some(fly) = &advice.fly { @if tested.is_some() || !advice.set.is_empty() { " " } "To know more: " (ended(&uncapitalised(fly))) }
     }
 }

@@ -129,7 +129,7 @@ fn candidates(choice: &DelayChoice, sweep: Option<&DelaySweep>) -> Markup {
         }))
         p.note {
             "E_n = (Td − Td removed)/√(U₁² + U₂²) (ISO 13528): up to 1 in size they agree. An uncertainty that is not \
-             stated counts as zero. — where a delay is compared with itself, and for position against velocity, which \
+             stated counts as zero. The U of an error includes that of its delay. — where a delay is compared with itself, and for position against velocity, which \
              is not a lateness: it differs by the lateness of the velocity."
         }
     }
