@@ -112,6 +112,17 @@ fn lateness_is_measured_against_a_reference_in_the_log_if_it_is_said_to_be_on_ti
 }
 
 #[test]
+fn a_log_without_the_reference_that_is_said_to_be_on_time_is_an_alarm() {
+    let folder = tempfile::tempdir().unwrap();
+    write_table(&flown(1), &folder.path().join("a_POS.csv"), START_S as f64);
+    let output = flightlag(["delay", ".", "--reference-clock", "same"]).current_dir(folder.path()).output().unwrap();
+    let printed = text(&output.stdout);
+    assert_eq!(output.status.code(), Some(3), "{printed}");
+    let why = "the log has no reference (position.truth): `--reference-clock same` has no effect";
+    assert!(printed.lines().next().unwrap().contains(why), "{printed}");
+}
+
+#[test]
 fn a_reference_with_its_own_clock_is_tied_by_the_velocity() {
     let folder = tempfile::tempdir().unwrap();
     let flight = flown(2);

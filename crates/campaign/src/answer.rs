@@ -81,6 +81,11 @@ pub(crate) fn measure(
         Err(refusal) => FlightLateness { words: refusal.to_string(), ..base },
     };
     lateness.alarms.extend(lateness.reference_file.as_ref().and_then(unused_reference));
+    if pipeline.log_reference_is_on_time() && flight.first_of(pipeline.reference()).is_none() {
+        let names = pipeline.reference().join(", ");
+        let text = format!("the log has no reference ({names}): `--reference-clock same` has no effect");
+        lateness.alarms.push(DelayAlarm::of(Alarm::ReferenceNotUsed, text));
+    }
     lateness.alarms.extend(assumed(flight));
     lateness.alarms.sort();
     measured_with(lateness, Some(delays), network, notices)
@@ -326,7 +331,7 @@ fn words(out: &FlightLateness, pair: Option<&PairDelay>, over_time: Option<&Dela
         (None, _) => format!("{position} is {value} ms late against {datum}"),
     };
     if let Some(rests_on) = &channel.rests_on {
-        text += &format!(". No other pair checks {}", rests_on.trim_end_matches(", unchecked"));
+        text += &format!(". This rests on {}, which no other pair checks", rests_on.trim_end_matches(", unchecked"));
     }
     if let Some(x) = out.lever_arm_s_per_decimetre {
         text += &format!(". Each 0.1 m of unknown lever arm adds ± {:.0} ms", 1e3 * x.abs());
@@ -346,7 +351,11 @@ fn against_reference<'a>(position: &str, delays: &'a FlightDelays) -> Option<(&'
     let against = |p: &&PairDelay| p.kind == DelayPairKind::PositionAgainstReference && p.first == position;
     let pair = delays.pairs.iter().find(against)?;
     let found = pair.delay.found()?.delay_s;
-    let words = format!(". As a check: the delay of {position} against {} is {} ms", pair.second, in_ms(&found));
+    let words = format!(
+        ". As a check: the delay of {position} against {} is {} ms (U of the fit alone)",
+        pair.second,
+        in_ms(&found)
+    );
     Some((&pair.second, words))
 }
 

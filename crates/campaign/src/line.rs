@@ -136,7 +136,7 @@ impl DelayLine {
         let relative = lateness.and_then(|l| l.position_minus_velocity_s);
         let removed = parts.decision.filter(|_| parts.replayed).and_then(|d| d.delay_s.zip(d.used));
         let raw = parts.effect.and_then(|e| e.error_raw_m);
-        let compensated = parts.effect.and_then(|e| e.error_compensated_m);
+        let compensated = parts.effect.filter(|_| removed.is_some()).and_then(|e| e.error_compensated_m);
         let advice = lateness.map_or_else(DelayAdvice::default, |l| l.advice.clone());
         DelayLine {
             flight: parts.flight.to_owned(),

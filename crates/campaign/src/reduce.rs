@@ -739,8 +739,9 @@ fn report_end(context: &RunContext<'_>, store: &Store, record: &CampaignRecord, 
 /// The table row of a record.
 fn row_of(line: &Line<'_>, record: &FlightRecord) -> FlightRow {
     let (replay, log) = (record.replay.as_ref(), record.log.as_ref());
-    let position = replay.map(|r| r.pair.position.clone());
-    let velocity = replay.map(|r| r.pair.velocity.clone());
+    let lateness = record.lateness.as_ref();
+    let position = replay.map(|r| r.pair.position.clone()).or_else(|| lateness?.position.clone());
+    let velocity = replay.map(|r| r.pair.velocity.clone()).or_else(|| lateness?.velocity.clone());
     FlightRow {
         flight: line.planned.flight.clone(),
         key: record.key.clone(),

@@ -73,7 +73,7 @@ pub(crate) fn with_references(
     }
     if out.len() > 1 && !rule.is_pattern() {
         return Err(CampaignError::Asked(format!(
-            "{}: one reference file for {} flights; give a pattern in which {STEM} is the name of the log, such as \
+            "{}: one reference file for {} other flights; give a pattern in which {STEM} is the name of the log, such as \
              {STEM}.pos",
             rule.file,
             out.len()

@@ -162,7 +162,7 @@ fn note_of(c: &Constancy, first_s: f64, differs: bool) -> Option<String> {
         let by = plus_minus(b);
         return Some(match c.left_out_window_s {
             Some([from, to]) => format!(
-                "The delay differs by {by} in the {:.0} s that begin at {:.0} s. Nothing else in the flight shows a change.",
+                "The delay differs by {by} in the {:.0} s that begin at {:.0} s. The rest of the flight agrees with one delay.",
                 to - from,
                 from - first_s
             ),

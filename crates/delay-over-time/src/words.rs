@@ -239,7 +239,9 @@ fn sure(e: Effect) -> Option<record::Estimate> {
 
 /// A trend as small as that of clocks.
 fn clock_skew(found: &Found, v: &Verdict) -> Option<String> {
-    let c = found.test.as_ref()?.comparison.as_ref().filter(|_| !v.kind.varies())?;
+    // The rate of a flight of which one window differs is that of the window.
+    let is_one = !v.kind.varies() && v.constancy.left_out_window_s.is_none();
+    let c = found.test.as_ref()?.comparison.as_ref().filter(|_| is_one)?;
     let rate = sure(c.rate)?;
     (rate.value.abs() < CLOCK_SKEW).then(|| {
         let u = rate.standard_uncertainty.unwrap_or(0.0);

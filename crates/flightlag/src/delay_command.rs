@@ -81,7 +81,8 @@ pub(crate) fn short_text(flights: &[DelayLine], groups: &[GroupLine]) -> String 
 fn one_flight(line: &DelayLine) -> String {
     let mut text = String::new();
     for alarm in line.alarms.iter().filter(|_| line.lacks_reference()).filter(|alarm| is_reference(alarm)) {
-        text += &format!("reference file {}\n", alarm.text);
+        let file = if line.reference_file.is_some() { "reference file " } else { "" };
+        text += &format!("{file}{}\n", alarm.text);
     }
     text += &format!("{}: {}\n", line.flight, line.words);
     let mut row = |what: &str, value: String| {
@@ -101,7 +102,7 @@ fn one_flight(line: &DelayLine) -> String {
     row("group", line.group.clone());
     row("reference file", line.reference_file.clone().filter(|_| !line.lacks_reference()).unwrap_or_default());
     for alarm in line.alarms.iter().filter(|alarm| !is_reference(alarm)) {
-        row(&alarm.gravity, alarm.text.clone());
+        row(if alarm.gravity == "grey" { "remark" } else { "alarm" }, alarm.text.clone());
     }
     text
 }

@@ -44,7 +44,9 @@ fn next(arguments: &DemoArguments, flights: &Path, benches: &[BenchOrder]) -> Re
         say(&arguments.common, &format!("next: flightlag bench {} --out {}", records.join(" "), out.display()))?;
     }
     let report = report(arguments);
-    say(&arguments.common, &format!("next: flightlag campaign {} --out {}", flights.display(), report.display()))?;
+    let (flights, report) = (flights.display(), report.display());
+    // Without it nothing would be removed: the flights have no IMU.
+    say(&arguments.common, &format!("next: flightlag campaign {flights} --reference-clock same --out {report}"))?;
     Ok(Exit::Well.into())
 }
 

@@ -23,7 +23,7 @@ pub struct BlockEstimate {
     /// The statistic of all rows.
     pub value: f64,
     /// Half of the half width of its 95 % interval, so that `value ± 2u` is that interval. `None` if the record has
-    /// fewer than 8 independent blocks.
+    /// fewer than 8 independent blocks, or if a few rows hold most of a magnitude.
     pub standard_uncertainty: Option<f64>,
 }
 
@@ -64,11 +64,13 @@ impl<const K: usize> BlockSums<K> {
     }
 
     /// As [`BlockSums::estimate`], for a magnitude (a root mean square), whose logarithm is nearly normal. The interval
-    /// reaches as far up as that of the logarithm, and as far down.
+    /// reaches as far up as that of the logarithm, and as far down. A few rows that hold most of the sum give an interval
+    /// that reaches zero: then the uncertainty is unknown.
     pub fn estimate_size(&self, of: impl Fn([f64; K]) -> f64) -> Option<BlockEstimate> {
         let plain = self.estimate(of)?;
         let upwards = |u: f64| if plain.value > 0.0 { 0.5 * plain.value * (2.0 * u / plain.value).exp_m1() } else { u };
-        let standard_uncertainty = plain.standard_uncertainty.map(upwards).filter(|u| u.is_finite());
+        let is_usable = |u: &f64| plain.value <= 0.0 || 2.0 * u < plain.value;
+        let standard_uncertainty = plain.standard_uncertainty.filter(is_usable).map(upwards).filter(|u| u.is_finite());
         Some(BlockEstimate { standard_uncertainty, ..plain })
     }
 

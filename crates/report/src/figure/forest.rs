@@ -248,7 +248,7 @@ pub(crate) fn trend(record: &CampaignRecord) -> Option<Figure> {
         number: 0,
         title: trend_title(outside),
         caption: format!(
-            "How much later than the velocity {} show their position, {}; each group with its own mean and limits. \
+            "How much later the position is than the velocity, for {}, {}; each group with its own mean and limits. \
              Where the lateness is known, it differs from this by the lateness of the velocity.{}",
             number::counted(drawn as u64, "flight", "flights"),
             if by_date { "by date" } else { "in the order of their names, because their dates are unknown" },

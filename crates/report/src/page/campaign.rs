@@ -349,7 +349,7 @@ fn homogeneity(found: Option<&DelayOverFlights>) -> Markup {
             p {
                 "One difference for all flights: χ² = " (plain(h.chi2, 3)) " with "
                 (number::counted(h.degrees_of_freedom, "degree", "degrees")) " of freedom, " (group_cards::p_value(h.p)) ": "
-                @if h.p < AGREE_P { "no clear disagreement." } @else { "the flights are consistent with it." }
+                @if h.p < AGREE_P { "disagreement is likely." } @else { "the flights are consistent with it." }
             }
         }
     }

@@ -216,7 +216,8 @@ fn constancy(pair: &PairDelay, scatter: Option<DelayHomogeneity>) -> Markup {
                 (number::counted(scatter.degrees_of_freedom, "degree", "degrees")) " of freedom, " (p_value(scatter.p))
                 "), and no step, drift or queue explains it. U includes that scatter."
             } @else if let (true, Some(least_s)) = (constancy.tested, constancy.detectable_s) {
-                "No change of the delay was detected. A lasting change of " (detectable(least_s * 1e3))
+                @if constancy.note.is_none() { "No change of the delay was detected. " }
+                "A lasting change of " (detectable(least_s * 1e3))
                 "\u{a0}ms or more would have been detected."
             } @else {
                 "Whether the delay changes was not tested: "

@@ -110,7 +110,7 @@ fn interval(channel: Option<&ChannelLateness>) -> Markup {
 /// Effect of the removal on the error, and the best possible result.
 fn error(record: &FlightRecord, effect: &Effect) -> Markup {
     // If nothing was removed, nothing can have changed.
-    let is_judged = !matches!(record.outcome, Outcome::Uncompensated { .. });
+    let is_judged = matches!(record.outcome, Outcome::Compensated);
     html! {
         @if is_judged { (effect_badge(effect.verdict)) " " }
         (ended(&capitalised(after_verdict(&effect.words))))
@@ -247,6 +247,7 @@ fn kind_words(lateness: &FlightLateness) -> String {
     let is_relative = lateness.lateness.as_ref().is_some_and(|l| l.relative_to.is_some());
     let words = match lateness.kind {
         DelayKind::OnTime if is_relative => "nearly at the same time",
+        DelayKind::Early if is_relative => "earlier",
         DelayKind::NotTested => "not tested for changes",
         kind => kind.word(),
     };

@@ -20,7 +20,7 @@ pub(super) fn section(record: &FlightRecord, replay: &ReplayRecord) -> Markup {
              the record. For rms values u is a delete-one jackknife over 8 to 20 stretches of the flight, each at \
              least four correlation times of the error long: U covers about 95 % of flights like this one. Where the \
              error changes so slowly that fewer than 8 such stretches fit into the flight, no U is given: one flight \
-             is too short. Rms values are 2‑D: north and east together. "
+             is too short. Nor is one given where a few samples hold most of an rms value, as after a gap. Rms values are 2‑D: north and east together. "
         }
     }
 }

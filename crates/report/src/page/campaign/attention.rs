@@ -78,9 +78,15 @@ pub(super) fn reasons_of(record: &CampaignRecord) -> Reasons<'_> {
 
 pub(super) fn attention(record: &CampaignRecord) -> Markup {
     let all = all_reasons(&record.flights);
+    let warnings = record.flights.iter().fold(0, |sum: u64, row| sum.saturating_add(row.warnings));
     html! {
         h2 #attention { "Needs attention" }
-        @if all.is_empty() { p { "Nothing: no flight was harmed, no delay has an alarm, and no log is damaged." } }
+        @if all.is_empty() {
+            p {
+                "Nothing: no flight was harmed, no delay has an alarm, and no log is damaged."
+                @if warnings > 0 { " The pages of the flights hold " (number::counted(warnings, "warning", "warnings")) "." }
+            }
+        }
         @else { ul.reasons { @for reason in &all { (line(reason, is_on_the_page(record))) } } }
     }
 }

@@ -162,7 +162,7 @@ fn agreement(group: &GroupLateness, rows: &[&FlightRow]) -> Markup {
                     @if let Some(between) = group.between_s.filter(|b| *b > 0.0) { "; " (number::significant(1e3 * between, 2)) "\u{a0}ms, 1\u{a0}σ" }
                     ")"
                 }
-                @else if test.p < AGREE_P { ", with no clear disagreement (" (p_value(test.p)) ")" }
+                @else if test.p < AGREE_P { ", and disagreement is likely (" (p_value(test.p)) ")" }
                 @else { ", and they agree (" (p_value(test.p)) ")" }
             }
             @if !outliers.is_empty() { "; " (badge("unsure", "!", "differs")) " " (names(&outliers)) @if group.lateness_s.is_some() { ", not in the mean" } }

@@ -41,7 +41,10 @@ pub(super) fn todo(record: &CampaignRecord) -> Markup {
         @else {
             ol.todo { @for action in all.iter().take(MOST) { li { (action.what) } } }
             @if all.len() > MOST {
-                p.note { (number::counted((all.len() - MOST) as u64, "thing", "things")) " more below, under " a href="#attention" { "Needs attention" } "." }
+                details {
+                    summary { (number::counted((all.len() - MOST) as u64, "more thing", "more things")) }
+                    ul.todo { @for action in all.iter().skip(MOST) { li { (action.what) } } }
+                }
             }
         }
     }
