@@ -116,7 +116,7 @@ fn the_command_makes_a_card_that_matches_the_truth() {
                 holds_the_truth(iron, &of_sensor[0].channels[&magnetometer.channel]);
             }
             Finding::CannotTell(why) => {
-                assert!(of_sensor.len() == 1 && why.contains("swing at 2 more, as 150° and 270°"), "{why}");
+                assert!(of_sensor.len() == 1 && why.contains("swing at 2 more, such as 150° and 270°"), "{why}");
                 assert!(page.contains(why.as_str()));
             }
         }

@@ -5,6 +5,7 @@ use crate::card::MagneticEvidence;
 use crate::channel::{SILENT, dynamics, estimate};
 use crate::clock::{EncoderRate, Tied, moved, tie};
 use crate::curves::{curve, liveliest};
+use crate::dead_encoder::{dead_check, without_dead_parts};
 use crate::encoder::{EncoderError, EncoderSeries, encoder_channel};
 use crate::flexibility::{GainAt, flexibility, weighted_mean};
 use crate::gap::Hidden;
@@ -84,9 +85,11 @@ pub enum BenchRefusal {
 pub fn bench(input: &BenchInput<'_>, rig: &Rig) -> Result<Bench, BenchRefusal> {
     let (encoder_name, encoder) = encoder_channel(input.encoder, rig)?;
     let series = EncoderSeries::of(encoder_name, encoder, rig)?;
+    let clock = encoder.series.timeline().clock();
+    let is_shared = rig.clock.shared.unwrap_or(input.one_log);
+    let series = if is_shared { without_dead_parts(series, input.sensor, clock) } else { series };
     let mut notices = series.notices.clone();
     let raw = smoothed(encoder_name, series)?;
-    let clock = encoder.series.timeline().clock();
     let tied = tied(input, &raw, clock, rig)?;
     notices.extend(tied.notices.clone());
     let day = day_of(input, rig);
@@ -104,18 +107,20 @@ pub fn bench(input: &BenchInput<'_>, rig: &Rig) -> Result<Bench, BenchRefusal> {
     let Gate { mut quality, closed } = gate(&motion, sensor, arm, around.gravity_mps2);
     let channels = channels(sensor, &references, &tied, &timing, &motion, rig, closed);
     quality.checks.extend(gaps_checked(&motion, &channels, &mut notices));
+    quality.checks.extend(dead_check(&motion));
     report_outliers(&channels, &mut notices);
     timing.warn(&tied, &mut notices);
     let (swings, turn_notices) = magnetic_swings(sensor, &motion, rig, &around, &alignment);
     notices.extend(turn_notices);
-    let (mount, mount_notices) = mount_finding(rig, &around, &alignment, &swings, &channels);
+    let flexibility = bending(&channels, &references, rig);
+    let (mount, mount_notices) = mount_finding(rig, &around, &alignment, &swings, &channels, &flexibility);
     notices.extend(mount_notices);
     let findings = BenchFindings {
         origin_ns: motion.origin().0,
         clock,
         reference: reference_finding(&motion, &alignment, &around, arm),
         mount,
-        flexibility: bending(&channels, &references, rig),
+        flexibility,
         gate: quality,
         clocks: timing.finding(&tied),
         geometry: Some(geometry(rig, &channels)),

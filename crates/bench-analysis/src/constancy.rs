@@ -56,7 +56,10 @@ pub(crate) fn constancy(
     let found = match constant_p {
         p if p >= REPORTED_P => "No change over the record",
         _ if by_the_lag => "The delay that fits best changes with the motion, as expected of the lag",
-        _ => &format!("The delay changes over the record, between {} and {} ms", millis(least), millis(most)),
+        _ => {
+            let verb = if changes { "changes" } else { "may change" };
+            &format!("The delay {verb} over the record, between {} and {} ms", millis(least), millis(most))
+        }
     };
     let text = format!("{found} (χ² = {chi2:.1}, {} windows, {}).", apart.len(), probability(constant_p));
     let finding = Finding::Found(Stationarity {

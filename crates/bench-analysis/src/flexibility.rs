@@ -117,6 +117,26 @@ fn bends(ratio: &Finding<Estimate>) -> Option<bool> {
     ratio.found().map(|e| e.value + 2.0 * u(e) >= KAPPA.0 && e.value - 2.0 * u(e) <= KAPPA.1)
 }
 
+/// What the gains say about the bar.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Bar {
+    /// Rotation and translation are raised as by a bar that bends.
+    Bends,
+    /// They are raised in another ratio: a scale or a length is wrong.
+    Scaled,
+    /// Unknown, or stiff.
+    NotSeen,
+}
+
+pub(crate) fn bar_of(finding: &Finding<Flexibility>) -> Bar {
+    let Some(found) = finding.found() else { return Bar::NotSeen };
+    match bends(&found.ratio) {
+        Some(true) if found.first_mode_hz.found().is_some() => Bar::Bends,
+        Some(false) => Bar::Scaled,
+        _ => Bar::NotSeen,
+    }
+}
+
 /// Both gains come from one mode: rotation with κΓ, translation with Γ. Γ and κ are known to a range, taken as uniform.
 fn first_mode(p: Estimate, r: Estimate, ratio: &Finding<Estimate>, frequency_hz: f64) -> Finding<Estimate> {
     let middle = |(low, high): (f64, f64)| 0.5 * (low + high);
@@ -151,8 +171,8 @@ fn in_words(gains: &str, ratio: &Finding<Estimate>, mode: &Finding<Estimate>, ex
             with_u(hz, 1)
         ),
         (Finding::Found(k), Some(false), _) => format!(
-            "{gains}: (rotation − 1)/(translation − 1) = {}, not as of a bar that bends (1.38 to 1.50): a scale of the \
-             sensor or the bar's length is wrong.",
+            "{gains}: (rotation − 1)/(translation − 1) = {}, not as of a bar that bends (1.38 to 1.50): the \
+             counts per revolution, the bar's length or a scale of the sensor is wrong.",
             with_u(k, 2)
         ),
         (_, _, Finding::CannotTell(why)) => format!("{gains}: no bending detected; {why}."),

@@ -7,6 +7,7 @@ mod channel;
 mod clock;
 mod constancy;
 mod curves;
+mod dead_encoder;
 mod encoder;
 mod flexibility;
 mod gap;

@@ -5,12 +5,13 @@ mod circle;
 mod gyro;
 
 use crate::alignment::{Alignment, Clue, estimate};
+use crate::flexibility::{Bar, bar_of};
 use crate::kinematics::wrapped;
 use crate::magnetometer::{MagneticSwing, calibrate_magnetometer};
 use crate::rig::Rig;
 use crate::surroundings::Surroundings;
 use flight::{Code, Notices, Quantity};
-use record::{ChannelDynamics, Estimate, Finding, MountCheck, MountFinding, SIDE_OF_PIVOT};
+use record::{ChannelDynamics, Estimate, Finding, Flexibility, MountCheck, MountFinding, SIDE_OF_PIVOT};
 
 /// Tolerance for angles of zero and azimuth in addition to their uncertainties (1°).
 const ANGLE_TOLERANCE_RAD: f64 = 0.0175;
@@ -28,13 +29,20 @@ const STATED: &str = "rig file";
 /// A bending bar makes its tip swing further than its length, by less than this share at hand speeds.
 const BENDING: f64 = 0.05;
 
-/// No gyro or attitude has a scale that is wrong by more than this: the encoder's is.
+/// No gyro or attitude has a scale that is wrong by more than this: the encoder's is. Where translation is raised too,
+/// the tolerance is that of a scale.
 const ENCODER_TOLERANCE: f64 = 0.05;
+/// Unit of a number of counts.
+const COUNTS: &str = "counts";
+/// Text of checks that a bending bar explains.
+const RAISED: &str = "a bar that bends raises it too";
 
 /// Input of the checks.
 struct Inputs<'a> {
-    /// The rig file states a first mode: the bar is known to bend.
+    /// The rig file states a first mode, or the gains show one.
     bends: bool,
+    /// Rotation and translation are raised, but not as by a bar that bends.
+    is_scaled: bool,
     /// From the rig file.
     counts_per_rev: Option<f64>,
     around: &'a Surroundings,
@@ -42,7 +50,7 @@ struct Inputs<'a> {
 }
 
 /// Compares mount, lever arms, biases and scales with the rig file, and calibrates the magnetometer on its `swings`.
-/// `channels` states which of them are slow by themselves.
+/// `channels` states which of them are slow by themselves, `flexibility` whether the bar bends.
 #[must_use]
 pub fn mount_finding(
     rig: &Rig,
@@ -50,9 +58,12 @@ pub fn mount_finding(
     alignment: &Alignment,
     swings: &[MagneticSwing],
     channels: &[ChannelDynamics],
+    flexibility: &Finding<Flexibility>,
 ) -> (MountFinding, Notices) {
+    let bar = bar_of(flexibility);
     let inputs = Inputs {
-        bends: rig.bar.first_mode_hz.is_some(),
+        bends: rig.bar.first_mode_hz.is_some() || bar == Bar::Bends,
+        is_scaled: bar == Bar::Scaled,
         counts_per_rev: rig.encoder.counts_per_rev,
         around,
         alignment,
@@ -68,6 +79,10 @@ pub fn mount_finding(
     for check in checks.iter_mut().filter(|check| own.iter().any(|name| check.name.ends_with(name))) {
         check.of_rig = false;
     }
+    if inputs.bends {
+        checks.iter_mut().for_each(excuse_what_bending_explains);
+    }
+    excuse_what_counts_explain(&mut checks);
     let finding = MountFinding {
         detected: detected.map_or_else(
             || {
@@ -82,6 +97,28 @@ pub fn mount_finding(
     };
     let notices = warnings(&finding, detected, rig);
     (finding, notices)
+}
+
+fn excuse_what_bending_explains(check: &mut MountCheck) {
+    let excess = check.fitted.found().zip(check.stated).map(|(fitted, stated)| fitted.value / stated - 1.0);
+    let is_raised = check.text.contains(RAISED) && excess.is_some_and(|e| e > 0.0 && e <= BENDING);
+    if is_raised && check.agrees == Some(false) && !check.of_rig {
+        check.agrees = None;
+        check.text = check.text.replace(RAISED, "the bar, which bends, explains it");
+    }
+}
+
+/// Wrong counts per revolution scale every angle, and so every length.
+fn excuse_what_counts_explain(checks: &mut [MountCheck]) {
+    let ratio = |c: &MountCheck| Some(c.fitted.found()?.value / c.stated?);
+    let is_wrong = |c: &&MountCheck| c.unit == COUNTS && c.agrees == Some(false);
+    let Some(counts) = checks.iter().find(is_wrong).and_then(ratio) else { return };
+    for check in checks.iter_mut().filter(|c| c.unit == "m" && c.agrees == Some(false)) {
+        if ratio(check).is_some_and(|length| (length * counts - 1.0).abs() < LENGTH_TOLERANCE) {
+            check.of_rig = false;
+            check.text += "; the counts per revolution explain it";
+        }
+    }
 }
 
 /// Whether a deviation from the rig file is the channel's own: it was not measurable, or its lag shrinks its swing.
@@ -116,10 +153,14 @@ impl Inputs<'_> {
         let stated = self.counts_per_rev.filter(|_| scale > 0.0)?;
         let counts = stated / scale;
         let fitted = estimate(counts, counts * fit.standard_uncertainty(1) / scale);
-        let tolerance = ENCODER_TOLERANCE + if self.bends { BENDING } else { 0.0 };
+        let tolerance = match (self.is_scaled, self.bends) {
+            (true, _) => SCALE_TOLERANCE,
+            (false, true) => ENCODER_TOLERANCE + BENDING,
+            (false, false) => ENCODER_TOLERANCE,
+        };
         let text = "from its scale; a wrong number of lines or a wrong decoding changes it by a factor".to_owned();
         let name = format!("counts per revolution by {}", clue.name);
-        Some(check(name, "counts", fitted, Some(stated), tolerance * stated, text))
+        Some(check(name, COUNTS, fitted, Some(stated), tolerance * stated, text))
     }
 
     fn checks(&self, clue: &Clue) -> Vec<MountCheck> {

@@ -88,9 +88,12 @@ pub(crate) struct Updates {
 impl Updates {
     pub(crate) fn of(channel: &SensedChannel<'_>) -> Updates {
         let hides = |row: &usize| channel.t.get(*row).is_some_and(|t| channel.hidden.hides(*t));
-        let (hidden, rows): (Vec<usize>, Vec<usize>) = channel.channel.update_rows().into_iter().partition(hides);
-        let pick = |values: &[f64]| rows.iter().filter_map(|&row| values.get(row).copied()).collect::<Vec<f64>>();
+        let updates = channel.channel.update_rows();
         let held = channel.channel.is_held();
+        // A loop also reads what came during a gap of the encoder.
+        let mean_age_s = held.then(|| mean_age(&channel.t, &updates)).flatten();
+        let (hidden, rows): (Vec<usize>, Vec<usize>) = updates.into_iter().partition(hides);
+        let pick = |values: &[f64]| rows.iter().filter_map(|&row| values.get(row).copied()).collect::<Vec<f64>>();
         let excited =
             channel.components.iter().enumerate().filter(|(_, c)| c.excited.is_ok()).map(|(k, _)| k).collect();
         Updates {
@@ -99,7 +102,7 @@ impl Updates {
             excited,
             rows: channel.t.len(),
             hidden,
-            mean_age_s: held.then(|| mean_age(&channel.t, &rows)).flatten(),
+            mean_age_s,
             row_step_s: median_step(&channel.t),
         }
     }
@@ -146,4 +149,18 @@ fn mean_age(t: &[f64], updates: &[usize]) -> Option<f64> {
         sum += t[row] - t[newest];
     }
     Some(sum / (t.len() - first) as f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::mean_age;
+
+    /// Updates every 4 rows of 10 ms: ages of 0, 10, 20 and 30 ms.
+    #[test]
+    fn the_mean_age_of_a_held_value_is_over_all_rows() {
+        let t: Vec<f64> = (0..40).map(|k| 0.01 * f64::from(k)).collect();
+        let updates: Vec<usize> = (0..40).step_by(4).collect();
+        assert!((mean_age(&t, &updates).unwrap() - 0.015).abs() < 1e-12);
+        assert_eq!(mean_age(&t, &[]), None);
+    }
 }

@@ -42,7 +42,7 @@ pub(super) fn lacking(swings: &[MagneticSwing]) -> String {
         ),
     };
     let more: Vec<String> = further(&kept).into_iter().map(degrees).collect();
-    format!("{have}; swing at {} more, as {}", more.len(), more.join(" and "))
+    format!("{have}; swing at {} more, such as {}", more.len(), more.join(" and "))
 }
 
 /// `30°`, from 0 to 359.

@@ -1,9 +1,10 @@
 //! Results of whole records for their channels.
 
 use bench_analysis::{BenchInput, Rig, bench};
+use flight::{Flight, Quantity, Series, Timeline};
 use rayon::prelude::*;
 use record::{BenchFindings, ChannelDynamics, DelayFinding, Estimate};
-use simulate::{BenchChannel, BenchSensor, BenchSettings, FlexibleBar, RigText, simulate_bench};
+use simulate::{BenchChannel, BenchSensor, BenchSettings, FlexibleBar, RigText, SimulatedBench, simulate_bench};
 use std::path::Path;
 
 /// One gyro on the paper's bench.
@@ -19,11 +20,70 @@ fn alone(channel: BenchChannel, settings: BenchSettings, sensor: BenchSensor) ->
 
 fn measured(settings: &BenchSettings) -> BenchFindings {
     let simulated = simulate_bench(settings).unwrap();
+    measured_of(&simulated.to_flight().unwrap(), &simulated)
+}
+
+fn measured_of(flight: &Flight, simulated: &SimulatedBench) -> BenchFindings {
     let what = RigText { model: "M".into(), serial: "1".into(), to_be_fitted: false };
     let mut rig = Rig::parse(&simulated.rig_text(&what), Path::new("simulated.rig.toml")).unwrap();
     rig.analysis.inject_s = vec![];
-    let flight = simulated.to_flight().unwrap();
-    bench(&BenchInput { encoder: &flight, sensor: &flight, one_log: true }, &rig).unwrap().findings
+    bench(&BenchInput { encoder: flight, sensor: flight, one_log: true }, &rig).unwrap().findings
+}
+
+/// Former bug: the dead half was a bar at rest, and the record named a wrong number of counts as the cause.
+#[test]
+fn an_encoder_that_freezes_while_the_sensor_moves_is_used_without_that_part() {
+    const DEAD_S: f64 = 45.0;
+    let settings = BenchSettings { seed: 5, ..BenchSettings::default() }
+        .only(&[BenchChannel::AngularRate])
+        .with(BenchChannel::VelocityIns, BenchSensor::noisy(100.0, 0.05).late(0.030));
+    let simulated = simulate_bench(&settings).unwrap();
+    let mut flight = simulated.to_flight().unwrap();
+    let encoder = flight.channels.get_mut("encoder.bar").unwrap();
+    let timeline = encoder.series.timeline().clone();
+    let t = timeline.seconds_since(timeline.first().unwrap());
+    let mut last = 0.0;
+    let count = |(t, count): (&f64, &f64)| {
+        last = if *t >= DEAD_S { last } else { *count };
+        last
+    };
+    let frozen: Vec<f64> = t.iter().zip(encoder.series.component(0)).map(count).collect();
+    let at = t.iter().position(|t| *t >= DEAD_S).unwrap();
+    let last_change = (0..at).rfind(|&row| frozen[row] != frozen[at]).unwrap();
+    encoder.series = Series::new(timeline, vec![frozen]).unwrap();
+    let found = measured_of(&flight, &simulated);
+    // The first reading of the constant part is real.
+    assert_eq!(found.reference.samples as usize, last_change + 2);
+    let velocity = found.channels.iter().find(|c| c.quantity == Quantity::VelocityNed).unwrap();
+    let delay = velocity.delay.as_ref().unwrap();
+    let (delay_s, u) = (delay.delay.seconds(), delay.standard_uncertainty_s);
+    assert!((delay_s - 0.030).abs() < 3.0 * u && u < 2e-3, "{delay_s} ± {u}");
+    assert!(found.mount.checks.iter().all(|c| c.agrees != Some(false)), "{:?}", found.mount.checks);
+}
+
+/// Former bug: updates during the gap were not counted, and their rows had the age of the last update before: 60 ms more
+/// for 3 s of 80.
+#[test]
+fn a_gap_of_the_encoder_does_not_make_the_held_value_older() {
+    let settings = BenchSettings { seed: 6, ..BenchSettings::default() }
+        .only(&[BenchChannel::AngularRate, BenchChannel::PositionGps]);
+    let simulated = simulate_bench(&settings).unwrap();
+    let mut flight = simulated.to_flight().unwrap();
+    let encoder = flight.channels.get_mut("encoder.bar").unwrap();
+    let timeline = encoder.series.timeline().clone();
+    let t = timeline.seconds_since(timeline.first().unwrap());
+    let rows: Vec<usize> = (0..t.len()).filter(|&row| !(33.0..36.0).contains(&t[row])).collect();
+    let stamps = rows.iter().map(|&row| timeline.stamps()[row]).collect();
+    let counts = rows.iter().map(|&row| encoder.series.component(0)[row]).collect();
+    let timeline = Timeline::new(timeline.kind(), timeline.clock(), stamps).unwrap();
+    encoder.series = Series::new(timeline, vec![counts]).unwrap();
+    encoder.held = vec![false; rows.len()];
+    let found = measured_of(&flight, &simulated);
+    let position = found.channels.iter().find(|c| c.name == "position.gps").unwrap();
+    let delay = position.delay.as_ref().unwrap();
+    let age_s = delay.as_seen_s.unwrap().value - delay.delay.seconds();
+    // 4 Hz in rows of 100 Hz: ages of 0 to 240 ms.
+    assert!((age_s - 0.120).abs() < 1e-3, "{age_s}");
 }
 
 /// Former bug: 4.3 ± 0.3 Hz for a true 5 Hz, because every gain was taken at the rms frequency of the bar's angle.

@@ -97,10 +97,10 @@ fn azimuths_stated_wrongly_widen_the_uncertainty() {
 #[test]
 fn too_few_azimuths_are_reported_with_those_that_would_help() {
     let Finding::CannotTell(why) = together(&[evidence(30.0, 1, None)]).iron else { panic!() };
-    assert!(why.contains("at an azimuth of 30°; swing at 2 more, as 150° and 270°"), "{why}");
+    assert!(why.contains("at an azimuth of 30°; swing at 2 more, such as 150° and 270°"), "{why}");
     let near = [evidence(30.0, 1, None), evidence(33.0, 2, None), evidence(100.0, 3, None)];
     let Finding::CannotTell(why) = together(&near).iron else { panic!() };
-    assert!(why.contains("2 azimuths within 70°; swing at 1 more, as 245°"), "{why}");
+    assert!(why.contains("2 azimuths within 70°; swing at 1 more, such as 245°"), "{why}");
 }
 
 #[test]

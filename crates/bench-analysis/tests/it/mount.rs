@@ -10,7 +10,7 @@ fn found(swing: &Swing, sensor: &Flight, rig: &Rig) -> (MountFinding, Notices) {
     let raw = motion(&encoder_channel(swing, 100.0, 2000.0, 1.0, 0.3), rig);
     let (around, _) = Surroundings::of(rig, None, None);
     let alignment = align(&raw, sensor, rig, &around);
-    mount_finding(rig, &around, &alignment, &[], &[])
+    mount_finding(rig, &around, &alignment, &[], &[], &Finding::CannotTell("not checked".to_owned()))
 }
 
 fn check<'a>(finding: &'a MountFinding, name: &str) -> &'a MountCheck {
@@ -87,6 +87,40 @@ fn a_wrong_number_of_counts_is_shown_by_gyro_and_attitude() {
     }
 }
 
+/// Former bug: 2048 for 2000 passed, and the record named the bar's length as the cause.
+#[test]
+fn counts_that_scale_rotation_and_translation_alike_are_named_and_the_length_is_not() {
+    let swing = Swing::by_hand(0.05);
+    let mut rig = rig("", "", "");
+    rig.encoder.counts_per_rev = Some(2048.0);
+    let raw = motion(&encoder_channel(&swing, 100.0, 2000.0, 1.0, 0.3), &rig);
+    let (around, _) = Surroundings::of(&rig, None, None);
+    let alignment = align(&raw, &everything(&swing, &Sensor::upright(0.5)), &rig, &around);
+    let raised = flexibility(&[gain(1.024, 5e-4)], &[gain(1.024, 5e-4)], None);
+    let (finding, _) = mount_finding(&rig, &around, &alignment, &[], &[], &raised);
+    for name in ["counts per revolution by angular-rate.imu", "counts per revolution by attitude.ins"] {
+        assert!(check(&finding, name).contradicts_rig(), "{:?}", check(&finding, name));
+    }
+    let length = check(&finding, "distance from the axis by velocity.ins");
+    assert_eq!(length.agrees, Some(false), "{length:?}");
+    assert!(!length.of_rig && length.text.ends_with("the counts per revolution explain it"), "{length:?}");
+}
+
+/// The rig file does not state a first mode.
+#[test]
+fn bending_that_the_gains_show_explains_a_longer_circle() {
+    let swing = Swing::by_hand(0.05);
+    let sensor = everything(&swing, &Sensor { arm: [0.0, 0.0, -1.03 * LENGTH], ..Sensor::upright(0.5) });
+    let rig = rig("", "", "");
+    let raw = motion(&encoder_channel(&swing, 100.0, 2000.0, 1.0, 0.3), &rig);
+    let (around, _) = Surroundings::of(&rig, None, None);
+    let alignment = align(&raw, &sensor, &rig, &around);
+    let bending = flexibility(&[gain(1.030, 5e-4)], &[gain(1.043, 5e-4)], None);
+    let (finding, notices) = mount_finding(&rig, &around, &alignment, &[], &[], &bending);
+    assert_eq!(check(&finding, "distance from the axis by velocity.ins").agrees, None, "{:?}", finding.checks);
+    assert!(notices.is_empty(), "{notices:?}");
+}
+
 #[test]
 fn a_correctly_mounted_sensor_passes_every_check() {
     let swing = Swing::by_hand(0.05);
@@ -154,7 +188,9 @@ fn a_longer_arm_contradicts_a_stiff_rig_but_not_a_bending_one() {
         let (finding, _) = found(&swing, &sensor, &rig(bar, "", ""));
         for name in ["lever arm z of specific-force.imu", "distance from the axis by velocity.ins"] {
             let check = check(&finding, name);
-            assert_eq!(check.agrees, Some(longer == 1.0), "{check:?}");
+            // Bending explains the 3 %.
+            let is_excused = longer == 1.03 && !bar.is_empty();
+            assert_eq!(check.agrees, Some(longer == 1.0).filter(|_| !is_excused), "{check:?}");
             assert_eq!(check.of_rig && check.agrees == Some(false), contradicts, "{longer} {bar}: {check:?}");
         }
         assert!(finding.checks.iter().all(|c| !c.of_rig || !c.name.contains("height.baro")), "{:?}", finding.checks);

@@ -277,7 +277,7 @@ fn displaced(channel: &ChannelDynamics) -> Markup {
                         "): slow motion is " b { (estimate(&verdict::in_millis(&model.sum_s))) " ms" } " late."
                     }
                     @if let Some(seen) = &found.as_seen_s {
-                        " A loop that reads the held value gets it late by " (estimate(&verdict::in_millis(seen)))
+                        " A loop that reads the held value sees a delay of " (estimate(&verdict::in_millis(seen)))
                         " ms."
                     }
                 }
@@ -309,7 +309,7 @@ fn group(title: &str, channels: Vec<&ChannelDynamics>, say: fn(&ChannelDynamics)
 fn on_time(channel: &ChannelDynamics) -> Markup {
     html! {
         @if let Some(found) = &channel.delay {
-            " " (size(found, 1.0)) "\u{a0}ms within ±" (number::exact(found.deciding_margin_s() * 1e3)) "\u{a0}ms"
+            " " (size(found, 1.0)) "\u{a0}ms within ±" (number::significant(found.deciding_margin_s() * 1e3, 3)) "\u{a0}ms"
         }
     }
 }
@@ -318,7 +318,7 @@ fn undecided(channel: &ChannelDynamics) -> Markup {
     html! {
         @if let Some(found) = &channel.delay {
             " " (size(found, 1.0)) " ms; smallest delay that it could show "
-            (number::significant(found.minimum_detectable_s * 1e3, 2)) "\u{a0}ms, margin ±" (number::exact(found.margin_s * 1e3)) "\u{a0}ms"
+            (number::significant(found.minimum_detectable_s * 1e3, 2)) "\u{a0}ms, margin ±" (number::significant(found.margin_s * 1e3, 3)) "\u{a0}ms"
             @if let Some(length) = found.deciding_length_s { ", " (duration(length)) " of record would decide" }
         }
     }

@@ -235,7 +235,7 @@ fn answer(page: &CardPage, channels: &[Channel]) -> Markup {
                     @for (i, channel) in of.into_iter().enumerate() {
                         @if i > 0 { "; " }
                         code { (shown(&channel.card.name)) } " " (estimate(&delay_ms(channel.card))) "\u{a0}ms"
-                        @if verdict == Verdict::EquivalentToZero { ", margin ±" (number::exact(channel.margin_s * 1e3)) "\u{a0}ms" }
+                        @if verdict == Verdict::EquivalentToZero { ", margin ±" (number::significant(channel.margin_s * 1e3, 3)) "\u{a0}ms" }
                         @if channel.card.is_in_doubt() { ", " (in_doubt()) }
                     }
                     ". " (against(channels.iter().filter(|c| c.card.verdict == verdict)))
@@ -400,7 +400,7 @@ fn channel_row(channel: &Channel, columns: &Columns) -> Markup {
             th scope="row" { (shown(&channel.name)) }
             td { (verdict_or_doubt(channel.verdict, channel.is_in_doubt())) }
             td.n { (estimate(&delay_ms(channel))) }
-            td.n { "±" (number::exact(margin_s * 1e3)) }
+            td.n { "±" (number::significant(margin_s * 1e3, 3)) }
             // The age of held values follows from the timestamps. It adds no uncertainty to the delay.
             @if columns.held { td.n { (maybe(channel.as_seen_delay_s, |s| in_ms(s, Some(channel.delay_standard_uncertainty_s)))) } }
             td.any {

@@ -594,7 +594,7 @@ fn the_iron_of_a_card_is_a_table_in_microtesla_or_a_reason() {
     for value in [1.21e-5 * 1e6, 1.041, 1.009, 6.52] {
         assert!(data.iter().any(|(bits, _)| *bits == value), "{value}");
     }
-    let why = "all swings are at one azimuth, 30°; swing at 2 more, as 150° and 270°";
+    let why = "all swings are at one azimuth, 30°; swing at 2 more, such as 150° and 270°";
     card.magnetometer.as_mut().unwrap().iron = Finding::CannotTell(why.into());
     assert!(text(&card_of(&card, &records), "index.html").contains(why));
     card.magnetometer = None;

@@ -216,7 +216,7 @@ fn model(channel: &ChannelDynamics, model: &ModelFinding) -> Markup {
     let head = [Text("Candidate"), Number("ΔBIC"), Number("Delay (ms)"), Number("Lags (ms)"), Number("Gain")];
     html! {
         p { (shown(&model.text)) }
-        p { "Delay and lags together, the group delay at low frequency: " b { (estimate(&verdict::in_millis(&model.sum_s))) " ms" } "; its U is without the part of the timestamps." }
+        p { "Delay and lags together, the group delay at low frequency: " b { (estimate(&verdict::in_millis(&model.sum_s))) " ms" } "; its U is that of the model's fit alone." }
         (table(&format!("Candidates for {}; ± is U with k = 2", channel.name), &head, rows(&model.candidates, MOST, head.len(), row)))
     }
 }
