@@ -5,6 +5,8 @@ use signal::student_quantile;
 
 /// A test has this power at the minimum detectable delay.
 const POWER_FACTOR: f64 = 2.8;
+/// Nobody swings a bar for longer.
+const HOUR_S: f64 = 3600.0;
 /// Probability above the upper end of a two-sided interval of 95 %.
 const TAIL_95: f64 = 0.975;
 /// The same for 90 %: two one-sided tests at 5 %.
@@ -94,9 +96,13 @@ impl Evidence {
             ),
             Verdict::Inconclusive | Verdict::NotMeasurable => format!(
                 "not decided: the 95 % interval {low} to {high} ms includes zero and exceeds the margin of ±{margin} \
-                 ms. Detectable here: {} ms. {} s of the same swing would decide",
+                 ms. Detectable here: {} ms. {}",
                 millis(detectable_s),
-                length_s.map_or_else(|| "more".to_owned(), |s| format!("{:.0}", s.ceil()))
+                match length_s {
+                    Some(s) if s <= HOUR_S => format!("{:.0} s of the same swing would decide", s.ceil()),
+                    Some(_) => "An hour of the same swing would not decide".to_owned(),
+                    None => "More of the same swing would decide".to_owned(),
+                }
             ),
         }
     }

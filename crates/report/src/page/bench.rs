@@ -319,7 +319,7 @@ fn undecided(channel: &ChannelDynamics) -> Markup {
         @if let Some(found) = &channel.delay {
             " " (size(found, 1.0)) " ms; smallest delay that it could show "
             (number::significant(found.minimum_detectable_s * 1e3, 2)) "\u{a0}ms, margin ±" (number::significant(found.margin_s * 1e3, 3)) "\u{a0}ms"
-            @if let Some(length) = found.deciding_length_s { ", " (duration(length)) " of record would decide" }
+            @if let Some(length) = found.deciding_length_s.filter(|s| *s <= 3600.0) { ", " (duration(length)) " of record would decide" }
         }
     }
 }
