@@ -238,7 +238,7 @@ fn a_map_is_suggested_for_a_custom_table_and_refused_for_a_non_table() {
     let page = text(&run(["inspect", path], 0).stdout);
     assert!(page.contains("columns bound by guess") && page.contains("maps --suggest LOG"), "{page}");
     let answer = text(&run(["delay", path], 0).stdout);
-    assert!(answer.contains("amber") && answer.contains("columns bound by guess"), "{answer}");
+    assert!(answer.contains("alarm") && answer.contains("columns bound by guess"), "{answer}");
     let other = folder.path().join("other.csv");
     std::fs::write(&other, "a,b\n1,2\n3,4\n5,6\n").unwrap();
     let error = text(&run(["maps", "--suggest", other.to_str().unwrap()], 1).stderr);

@@ -207,7 +207,8 @@ fn warnings(finding: &MountFinding, detected: Option<Side>, rig: &Rig) -> Notice
         let text = format!("record and rig file disagree on {}", names.join(", "));
         notices.push(Code::RigContradicted, "mount", names.len() as u64, text);
     }
-    let upright_side = detected.filter(|s| s.upside_down == Some(false));
+    // Without an accelerometer the side is that of the vertical position or velocity.
+    let upright_side = detected.filter(|s| s.upside_down != Some(true));
     let hangs = rig.bar.mount == crate::rig::MountKind::Hanging;
     if let Some(side) = upright_side.filter(|s| rig.bar.mount != crate::rig::MountKind::Custom && s.below != hangs) {
         let text =

@@ -222,6 +222,19 @@ mod tests {
 
     /// `delay_fit_deterministic` of the project's acceptance vectors, as the linear problem at its
     /// solution: the HAC errors at 10 lags, and the delay itself.
+    /// For one column, α(1) = 4ρ²/((1 − ρ)²(1 + ρ)²) (Andrews 1991, eq. 6.4).
+    #[test]
+    fn the_bandwidth_of_one_column_is_that_of_its_autoregression() {
+        let scores: Vec<f64> = (0..400).map(|k| (0.3 * f64::from(k)).cos()).collect();
+        let products: f64 = scores.windows(2).map(|pair| pair[0] * pair[1]).sum();
+        let rho = products / scores.iter().map(|s| s * s).sum::<f64>();
+        let alpha = 4.0 * rho * rho / (1.0 - rho * rho).powi(2);
+        let expected = (1.1447 * (alpha * 400.0).cbrt()).ceil() as usize;
+        // Neither bound applies.
+        assert!((2..100).contains(&expected), "{expected}");
+        assert_eq!(andrews_bandwidth(&DMatrix::from_column_slice(400, 1, &scores)), expected);
+    }
+
     #[test]
     fn hac_errors_equal_the_acceptance_vector() {
         let (tau, gain, bias) = (0.397_155_633_998_200_2, 1.024_867_844_819_326, 0.501_078_116_038_849_3);

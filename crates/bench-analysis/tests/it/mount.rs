@@ -53,6 +53,9 @@ fn velocity_alone_shows_the_side_and_a_magnetometer_does_not() {
     sensor.channels.remove("specific-force.imu");
     let (finding, _) = found(&swing, &sensor, &rig("mount = \"hanging\"", "", ""));
     assert_eq!(finding.detected, Finding::Found("hanging".to_owned()));
+    let (_, notices) = found(&swing, &sensor, &rig("mount = \"upright\"", "", ""));
+    let of_side = notices.iter().find(|n| n.place == record::SIDE_OF_PIVOT).unwrap();
+    assert_eq!(of_side.text, "the record shows a bar that is hanging, but the rig file says upright");
     sensor.channels.retain(|name, _| name.starts_with("magnetic"));
     let (finding, _) = found(&swing, &sensor, &rig("mount = \"hanging\"", "", ""));
     assert!(matches!(finding.detected, Finding::CannotTell(_)));

@@ -129,9 +129,9 @@ impl Ground<'_> {
         }
     }
 
-    /// U·δTd: as measured in this flight if available, else as stated by the source of Td.
+    /// Speed × δTd: as measured in this flight if available, else as stated by the source of Td.
     fn mismatch(&self) -> BudgetTerm {
-        let name = "delay set wrongly, U·δTd";
+        let name = "delay set wrongly, speed × δTd";
         let own_u = self.left_s.and_then(|r| r.standard_uncertainty);
         match (self.residual_delay_s(), self.delay_u_s, own_u) {
             (Some(seen), _, _) => term(

@@ -253,7 +253,7 @@ fn unknown_terms_are_named() {
     let terms = &of(&record, "exact-async").budget.terms;
     let unknown: Vec<&str> = terms.iter().filter(|t| t.size_m.found().is_none()).map(|t| t.name.as_str()).collect();
     let expected = [
-        "delay set wrongly, U·δTd",
+        "delay set wrongly, speed × δTd",
         "delay of the velocity itself, a·Td·Tv",
         "bias of the velocity, Td·b",
         "white noise of the position",

@@ -355,9 +355,9 @@ catalogue! {
                  code 3 if this marks channels of the card.",
                 "Correct the rig file, or the cause of the scatter of the angle, and measure again.";
             EncoderRepaired, "encoder-repaired", [Warning, Info],
-                "The encoder wrapped around and was unwrapped, or impossible single samples were dropped, or its \
-                 count slipped: then only the part with the most motion between two slips is used.",
-                "Check the cable if there are many single samples.";
+                "The encoder wrapped around and was unwrapped, or single samples, a dead part, or all but the liveliest \
+                 part between slips are not used.",
+                "Check cable and encoder.";
         }
         "Export and recover" {
             ValuesReplaced, "values-replaced", [Info, Warning],

@@ -151,7 +151,7 @@ fn passes_and_legs(scores: &ReplayScores) -> Markup {
         Number("Opposite passes, apart along the track (m)"),
         Number("Expected (m)"),
         Number("Apart across (m)"),
-        Number("Straight legs: distance beyond U·Td, mean (m)"),
+        Number("Straight legs: distance beyond speed × Td, mean (m)"),
         Number("Moved across, rms (m)"),
         Number("Noise across, over raw's"),
     ];
@@ -185,7 +185,7 @@ fn passes_and_legs(scores: &ReplayScores) -> Markup {
             "Straight legs: "
             (finding(&scores.straight_legs, |l| html! {
                 (number::counted(l.legs, "leg", "legs")) ", " (plain(l.duration_s, 3)) "\u{a0}s, acceleration across below "
-                (plain(l.lateral_limit_mps2, 2)) "\u{a0}m/s²; there an output may differ from raw by U·Td along the track \
+                (plain(l.lateral_limit_mps2, 2)) "\u{a0}m/s²; there an output may differ from raw by speed × Td along the track \
                  and by nothing else."
             }))
         }

@@ -251,7 +251,7 @@ pub fn scores() -> ReplayScores {
             budget: ErrorBudget {
                 terms: vec![
                     BudgetTerm {
-                        name: "delay set wrongly, U·δTd".into(),
+                        name: "delay set wrongly, speed × δTd".into(),
                         size_m: Finding::Found(0.0105),
                         source: "U times the standard uncertainty of Td as stated".into(),
                     },
