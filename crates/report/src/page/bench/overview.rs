@@ -9,7 +9,7 @@ use crate::text::shown;
 use crate::verdict;
 use maud::{Markup, html};
 use record::{
-    BenchFindings, ChannelDynamics, ComponentDynamics, DelayFinding, GateCheck, ModelFinding, NoiseFinding,
+    BenchFindings, ChannelDynamics, ComponentDynamics, DelayFinding, Estimate, GateCheck, ModelFinding, NoiseFinding,
     QualityGate, TimeBasis,
 };
 
@@ -85,7 +85,7 @@ fn row(channel: &ChannelDynamics, figures: &ChannelFigures, doubts: &[String]) -
             }
             td.n {
                 @if channel.lags().is_some() { (no_number("a lag's gain depends on the frequency")) }
-                @else { (or_why(main.and_then(|c| c.gain.as_ref()), "not fitted", estimate)) }
+                @else { (or_why(main.and_then(|c| Some((c, c.gain.as_ref()?))), "not fitted", gain_cell)) }
             }
             td.any { (or_why(main.and_then(|c| Some((c, c.noise.as_ref()?))), "not fitted", noise)) }
             td.any {
@@ -101,6 +101,16 @@ fn delay_cell(found: &DelayFinding) -> Markup {
     html! {
         (estimate(&verdict::in_millis(&verdict::delay(found))))
         @if let Some(seen) = &found.as_seen_s { div { "as seen " (estimate(&verdict::in_millis(seen))) } }
+    }
+}
+
+/// The gain, with the component and the frequency that it stands for.
+fn gain_cell((component, gain): (&ComponentDynamics, &Estimate)) -> Markup {
+    html! {
+        (estimate(gain))
+        @if let Some(hz) = component.gain_frequency_hz {
+            div { (shown(&component.name)) " at " (number::fixed(hz, 2)) " Hz" }
+        }
     }
 }
 
