@@ -5,7 +5,7 @@ use crate::card::MagneticEvidence;
 use crate::channel::{SILENT, dynamics, estimate};
 use crate::clock::{EncoderRate, Tied, moved, tie};
 use crate::curves::{curve, liveliest};
-use crate::dead_encoder::{dead_check, without_dead_parts};
+use crate::dead_encoder::without_dead_parts;
 use crate::encoder::{EncoderError, EncoderSeries, encoder_channel};
 use crate::flexibility::{GainAt, flexibility, weighted_mean};
 use crate::gap::Hidden;
@@ -87,7 +87,7 @@ pub fn bench(input: &BenchInput<'_>, rig: &Rig) -> Result<Bench, BenchRefusal> {
     let series = EncoderSeries::of(encoder_name, encoder, rig)?;
     let clock = encoder.series.timeline().clock();
     let is_shared = rig.clock.shared.unwrap_or(input.one_log);
-    let series = if is_shared { without_dead_parts(series, input.sensor, clock) } else { series };
+    let (series, dead) = if is_shared { without_dead_parts(series, input.sensor, clock) } else { (series, None) };
     let mut notices = series.notices.clone();
     let raw = smoothed(encoder_name, series)?;
     let tied = tied(input, &raw, clock, rig)?;
@@ -107,7 +107,7 @@ pub fn bench(input: &BenchInput<'_>, rig: &Rig) -> Result<Bench, BenchRefusal> {
     let Gate { mut quality, closed } = gate(&motion, sensor, arm, around.gravity_mps2);
     let channels = channels(sensor, &references, &tied, &timing, &motion, rig, closed);
     quality.checks.extend(gaps_checked(&motion, &channels, &mut notices));
-    quality.checks.extend(dead_check(&motion));
+    quality.checks.extend(dead);
     report_outliers(&channels, &mut notices);
     timing.warn(&tied, &mut notices);
     let (swings, turn_notices) = magnetic_swings(sensor, &motion, rig, &around, &alignment);

@@ -1,7 +1,6 @@
 //! An encoder that dies: its count is constant while the sensor moves with the bar.
 
 use crate::encoder::EncoderSeries;
-use crate::motion::Motion;
 use flight::{Channel, Clock, Code, Flight, Quantity, RejectCount, Stamp, fixed};
 use record::GateCheck;
 
@@ -11,14 +10,17 @@ const SHORTEST_S: f64 = 3.0;
 const EDGE_S: f64 = 1.0;
 /// A sensor at rest moves less than this share of what it moves otherwise.
 const REST: f64 = 0.3;
-/// How the text of a dead part ends.
-const DEAD: &str = "moves: this part is not used";
 /// Fewest samples of a channel in a part.
 const LEAST_ROWS: usize = 8;
 
 /// Without the parts in which the count is constant while a gyro or a velocity of `sensor`, on the encoder's `clock`,
-/// moves as elsewhere. The smoother would turn them into a bar at rest.
-pub(crate) fn without_dead_parts(mut series: EncoderSeries, sensor: &Flight, clock: Clock) -> EncoderSeries {
+/// moves as elsewhere, and a failed check that names them. The smoother would turn them into a bar at rest.
+pub(crate) fn without_dead_parts(
+    mut series: EncoderSeries,
+    sensor: &Flight,
+    clock: Clock,
+) -> (EncoderSeries, Option<GateCheck>) {
+    let mut texts = vec![];
     let movers: Vec<Mover> =
         sensor.channels.iter().filter_map(|(n, c)| Mover::of(n, c, clock, series.origin)).collect();
     let parts = constant_parts(&series);
@@ -29,9 +31,13 @@ pub(crate) fn without_dead_parts(mut series: EncoderSeries, sensor: &Flight, clo
         // Its first reading is real.
         kept[part.start + 1..part.end].fill(false);
         let [from, to] = [from_s, to_s].map(|s| fixed(s, 2));
-        let text = format!("the encoder's count is constant from {from} to {to} s while {} {DEAD}", mover.name);
+        let text = format!(
+            "the encoder's count is constant from {from} to {to} s while {} moves: this part is not used",
+            mover.name
+        );
         let rows = (part.len() - 1) as u64;
-        series.notices.push(Code::EncoderRepaired, &series.channel, rows, text);
+        series.notices.push(Code::EncoderRepaired, &series.channel, rows, text.clone());
+        texts.push(text);
         series.rejected.push(RejectCount {
             reason: "constant while the sensor moves".to_owned(),
             count: rows,
@@ -40,15 +46,13 @@ pub(crate) fn without_dead_parts(mut series: EncoderSeries, sensor: &Flight, clo
     }
     let pick = |values: &[f64]| values.iter().zip(&kept).filter(|(_, kept)| **kept).map(|(v, _)| *v).collect();
     (series.t_s, series.angle_rad) = (pick(&series.t_s), pick(&series.angle_rad));
-    series
+    (series, check_of(&texts))
 }
 
 /// The dead parts as a check that failed; `None` without one.
-pub(crate) fn dead_check(motion: &Motion) -> Option<GateCheck> {
-    let encoder = motion.encoder();
-    let texts = encoder.notices.iter().filter(|n| n.text.contains(DEAD)).map(|n| n.text.as_str());
-    let text = texts.collect::<Vec<_>>().join("; ");
-    (!text.is_empty()).then(|| GateCheck { name: "encoder alive".to_owned(), passed: false, text })
+fn check_of(texts: &[String]) -> Option<GateCheck> {
+    let name = || "encoder alive".to_owned();
+    (!texts.is_empty()).then(|| GateCheck { name: name(), passed: false, text: texts.join("; ") })
 }
 
 /// Runs of equal readings.

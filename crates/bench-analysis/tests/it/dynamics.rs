@@ -54,6 +54,8 @@ fn an_encoder_that_freezes_while_the_sensor_moves_is_used_without_that_part() {
     let found = measured_of(&flight, &simulated);
     // The first reading of the constant part is real.
     assert_eq!(found.reference.samples as usize, last_change + 2);
+    let check = found.gate.checks.iter().find(|c| c.name == "encoder alive").unwrap();
+    assert!(!check.passed && check.text.contains("while angular-rate.imu moves"), "{check:?}");
     let velocity = found.channels.iter().find(|c| c.quantity == Quantity::VelocityNed).unwrap();
     let delay = velocity.delay.as_ref().unwrap();
     let (delay_s, u) = (delay.delay.seconds(), delay.standard_uncertainty_s);
