@@ -2,8 +2,7 @@
 
 use crate::curves::curve;
 use record::{Overlay, ShiftCurve, WanderTaken};
-use signal::{ComponentFit, Reference};
-use std::f64::consts::TAU;
+use signal::{ComponentFit, HannMean, Reference};
 
 /// Minimum range of the shifts to either side, s.
 const LEAST_SHIFT_S: f64 = 0.5;
@@ -33,7 +32,7 @@ impl Laid<'_> {
     pub(crate) fn overlay(&self) -> Overlay {
         let wanders = self.fit.noise.wander_std > 0.0 && self.period_s > 0.0;
         let window_s = if wanders { PERIODS * self.period_s } else { f64::INFINITY };
-        let wander = slow_part(&self.fit.t_used, &self.fit.residuals, &self.fit.weights, window_s);
+        let wander = HannMean::new(&self.fit.t_used, &self.fit.weights, window_s).of(&self.fit.residuals);
         let (start, end) = self.zoom;
         let rows = self.rows_between(start, end);
         let measured: Vec<f64> = rows.clone().map(|k| self.without_offset(k) - wander[k]).collect();
@@ -88,39 +87,12 @@ impl Laid<'_> {
         let weights: Vec<f64> = rows.iter().map(|&k| self.fit.weights[k]).collect();
         let measured: Vec<f64> = rows.iter().map(|&k| self.without_offset(k)).collect();
         let steps = if rows.is_empty() { 0 } else { (2.0 * reach / STEP_S).round() as usize + 1 };
-        let left = |shift: f64| {
-            let e: Vec<f64> = t.iter().zip(&measured).map(|(&t, y)| y - self.scaled(t - shift)).collect();
-            let slow = slow_part(&t, &e, &weights, window_s);
-            rms(e.iter().zip(slow).map(|(e, slow)| e - slow))
-        };
-        let rms = (0..steps).map(|k| significant(left(k as f64 * STEP_S - reach))).collect();
+        let shifts: Vec<f64> = (0..steps).map(|k| k as f64 * STEP_S - reach).collect();
+        let slow = HannMean::new(&t, &weights, window_s);
+        let rms = slow.rms_by_shift((&t, &measured), (self.reference, self.fit.gain.value), &shifts);
+        let rms = rms.into_iter().map(significant).collect();
         ShiftCurve { from_s: -reach, step_s: STEP_S, rms }
     }
-}
-
-/// Mean of `e` around each timestamp with a Hann window of full width `window_s`, by running sums; the plain mean for
-/// an infinite window.
-fn slow_part(t: &[f64], e: &[f64], weights: &[f64], window_s: f64) -> Vec<f64> {
-    let half = 0.5 * window_s;
-    let omega = if window_s.is_finite() { TAU / window_s } else { 0.0 };
-    // (1 + cos ω(t − t₀))/2 splits into sums that do not depend on t₀.
-    let terms = t.iter().zip(e).zip(weights).map(|((&t, &e), &w)| {
-        let (sin, cos) = (omega * t).sin_cos();
-        [w * e, w * e * cos, w * e * sin, w, w * cos, w * sin]
-    });
-    let mut sums = vec![[0.0; 6]];
-    for term in terms {
-        let last = sums[sums.len() - 1];
-        sums.push(std::array::from_fn(|i| last[i] + term[i]));
-    }
-    let mean = |&at: &f64| {
-        let (from, to) = (t.partition_point(|&x| x < at - half), t.partition_point(|&x| x <= at + half));
-        let s: [f64; 6] = std::array::from_fn(|i| sums[to][i] - sums[from][i]);
-        let (sin, cos) = (omega * at).sin_cos();
-        let weight = s[3] + cos * s[4] + sin * s[5];
-        if weight > 0.0 { (s[0] + cos * s[1] + sin * s[2]) / weight } else { 0.0 }
-    };
-    t.iter().map(mean).collect()
 }
 
 fn rms(values: impl Iterator<Item = f64>) -> f64 {
@@ -136,27 +108,4 @@ fn range(values: &[f64]) -> f64 {
 /// Five significant digits: the resolution of a figure.
 fn significant(value: f64) -> f64 {
     format!("{value:.4e}").parse().unwrap_or(value)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_slow_ramp_is_removed_and_the_swing_remains() {
-        let t: Vec<f64> = (0..6000).map(|k| f64::from(k) * 0.01).collect();
-        let period = 1.7;
-        let swing: Vec<f64> = t.iter().map(|t| (TAU * t / period).sin()).collect();
-        let e: Vec<f64> = t.iter().zip(&swing).map(|(t, s)| 0.3 * t + s).collect();
-        let slow = slow_part(&t, &e, &vec![1.0; t.len()], PERIODS * period);
-        for k in 400..5600 {
-            assert!((slow[k] - 0.3 * t[k]).abs() < 2e-3, "{} at {}", slow[k] - 0.3 * t[k], t[k]);
-        }
-    }
-
-    #[test]
-    fn an_infinite_window_gives_the_weighted_mean() {
-        let slow = slow_part(&[0.0, 1.0, 2.0], &[1.0, 2.0, 100.0], &[1.0, 1.0, 0.0], f64::INFINITY);
-        assert_eq!(slow, [1.5; 3]);
-    }
 }

@@ -16,6 +16,7 @@ mod delay;
 mod distributions;
 mod excess;
 mod frequency_response;
+mod hann_mean;
 mod hermite;
 mod hull;
 mod integral;
@@ -49,6 +50,7 @@ pub use delay::{
 pub use distributions::{chi_squared_tail, normal_quantile, student_quantile};
 pub use excess::delay_excess;
 pub use frequency_response::{FrequencyPoint, FrequencyResponse, ResponseError, frequency_response};
+pub use hann_mean::HannMean;
 pub use hermite::septic_hermite;
 pub use hull::{HullLine, lower_hull};
 pub use integral::CumulativeIntegral;
