@@ -198,14 +198,14 @@ fn plans() -> Vec<Plan> {
 
 fn first_day() -> [Plan; 4] {
     let cdr = mcap(McapEncoding::Cdr, McapCompression::Zstd);
-    let ros1 = mcap(McapEncoding::Ros1, McapCompression::Lz4);
+    let ros1 = mcap(McapEncoding::Ros1, McapCompression::None);
     [
         plan("2026-05-04/flight-01", cdr, "MCAP, CDR, zstd", 4.0),
         Plan {
             position: late(10.0, 0.02),
             velocity: on_time(100.0, 0.05),
             onboard: true,
-            ..plan("2026-05-04/flight-02", ros1, "MCAP, ROS 1, LZ4", 3.0)
+            ..plan("2026-05-04/flight-02", ros1, "MCAP, ROS 1, not compressed", 3.0)
         },
         plan("2026-05-04/flight-03", bag(BagCompression::Lz4Linked), "ROS 1 bag, LZ4", 5.0),
         Plan {

@@ -2,6 +2,8 @@
 
 mod lz4_frame;
 
+pub(crate) use lz4_frame::SKIPPABLE as SKIPPABLE_LZ4;
+
 use std::io::Read;
 
 /// A buffer up to this size is allocated in one go; a larger one grows with the output, so that a

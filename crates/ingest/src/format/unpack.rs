@@ -8,6 +8,7 @@ mod utf16;
 mod zip;
 
 use super::db3::write_ahead_log_of;
+use super::inflate::SKIPPABLE_LZ4;
 use crate::bytes::{Bytes, is_zero};
 use crate::discover::FlightUnit;
 use crate::error::{IngestError, file_name};
@@ -18,9 +19,10 @@ use crate::sniff::{self, Content};
 use bzip2::bufread::BzDecoder;
 use flate2::bufread::GzDecoder;
 use flight::{Code, Notices};
+use lz4_flex::frame::FrameDecoder;
 use std::cell::Cell;
 use std::fs::File;
-use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
+use std::io::{self, BufRead, BufReader, Cursor, Read, Seek, SeekFrom, Write};
 use std::marker::PhantomData;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -168,7 +170,7 @@ fn decoder<'r>(packing: Packing, packed: impl BufRead + 'r, bad: &'r Cell<u64>) 
         Packing::Gzip => Box::new(Parts::<_, GzDecoder<_>>::begin(packed).map_err(text)?),
         Packing::Zstd => zstandard(packed)?,
         Packing::Bzip2 => Box::new(Parts::<_, BzDecoder<_>>::begin(packed).map_err(text)?),
-        Packing::Lz4 => Box::new(Parts::<_, lz4::Decoder<_>>::begin(packed).map_err(text)?),
+        Packing::Lz4 => Box::new(Parts::<_, FrameDecoder<_>>::begin(packed).map_err(text)?),
         Packing::Utf16 { big } => Box::new(utf16::Reader::new(packed, big, bad)),
         Packing::Zip => return Err("a ZIP archive in a packed file".to_owned()),
     })
@@ -238,16 +240,53 @@ impl<R: BufRead> Part<R> for BzDecoder<R> {
     }
 }
 
-impl<R: BufRead> Part<R> for lz4::Decoder<R> {
-    fn begin(packed: R) -> io::Result<Self> {
-        lz4::Decoder::new(packed)
+/// One LZ4 frame. Its decoder takes a file that ends between two blocks for a whole one, so the end is noted here.
+struct Lz4Frame<R> {
+    /// Its first four bytes; none if only skippable frames were left.
+    magic: Cursor<Vec<u8>>,
+    packed: R,
+    truncated: bool,
+}
+
+impl<R: Read> Read for Lz4Frame<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let got = self.magic.read(buffer)?;
+        if got > 0 || self.magic.get_ref().is_empty() {
+            return Ok(got);
+        }
+        let got = self.packed.read(buffer)?;
+        self.truncated |= got == 0 && !buffer.is_empty();
+        Ok(got)
+    }
+}
+
+impl<R: BufRead> Part<R> for FrameDecoder<Lz4Frame<R>> {
+    fn begin(mut packed: R) -> io::Result<Self> {
+        let mut magic = vec![];
+        while magic.is_empty() && !packed.fill_buf()?.is_empty() {
+            let mut word = [0; 4];
+            packed.read_exact(&mut word)?;
+            if u32::from_le_bytes(word) & !0xf != SKIPPABLE_LZ4 {
+                magic = word.to_vec();
+                continue;
+            }
+            packed.read_exact(&mut word)?;
+            let length = u64::from(u32::from_le_bytes(word));
+            if io::copy(&mut packed.by_ref().take(length), &mut io::sink())? < length {
+                return Err(unended());
+            }
+        }
+        Ok(FrameDecoder::new(Lz4Frame { magic: Cursor::new(magic), packed, truncated: false }))
     }
 
     fn end(self) -> io::Result<R> {
-        let (packed, end) = self.finish();
-        end.map_err(|_| io::Error::new(io::ErrorKind::UnexpectedEof, "the frame does not end"))?;
-        Ok(packed)
+        let Lz4Frame { packed, truncated, .. } = self.into_inner();
+        if truncated { Err(unended()) } else { Ok(packed) }
     }
+}
+
+fn unended() -> io::Error {
+    io::Error::new(io::ErrorKind::UnexpectedEof, "the frame does not end")
 }
 
 /// All parts of a file.

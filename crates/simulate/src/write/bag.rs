@@ -8,6 +8,7 @@ use super::message::{Message, ros_time};
 use super::{Logbook, Topic};
 use crate::error::SimulateError;
 use flight::Stamp;
+use lz4_flex::frame::{BlockMode, BlockSize, FrameEncoder, FrameInfo};
 use std::io::Write;
 
 /// Options for writing a bag.
@@ -194,20 +195,18 @@ impl BagCompression {
                     .map(|packed| ("bz2", packed))
                     .map_err(failed("bzip2"))?
             }
-            BagCompression::Lz4Independent => ("lz4", lz4(bytes, lz4::BlockMode::Independent).map_err(failed("LZ4"))?),
-            BagCompression::Lz4Linked => ("lz4", lz4(bytes, lz4::BlockMode::Linked).map_err(failed("LZ4"))?),
+            BagCompression::Lz4Independent => ("lz4", lz4(bytes, BlockMode::Independent).map_err(failed("LZ4"))?),
+            BagCompression::Lz4Linked => ("lz4", lz4(bytes, BlockMode::Linked).map_err(failed("LZ4"))?),
         })
     }
 }
 
 /// A frame of 64 KiB blocks, so that a chunk has more than one, with a checksum of its content.
-fn lz4(bytes: &[u8], mode: lz4::BlockMode) -> std::io::Result<Vec<u8>> {
-    let mut builder = lz4::EncoderBuilder::new();
-    builder.block_mode(mode).block_size(lz4::BlockSize::Max64KB).checksum(lz4::ContentChecksum::ChecksumEnabled);
-    let mut encoder = builder.build(vec![])?;
+fn lz4(bytes: &[u8], mode: BlockMode) -> std::io::Result<Vec<u8>> {
+    let frame = FrameInfo::new().block_mode(mode).block_size(BlockSize::Max64KB).content_checksum(true);
+    let mut encoder = FrameEncoder::with_frame_info(frame, vec![]);
     encoder.write_all(bytes)?;
-    let (packed, ended) = encoder.finish();
-    ended.map(|()| packed)
+    Ok(encoder.finish()?)
 }
 
 fn bag_header(index_position: u64, connections: u32, chunks: u32) -> Vec<u8> {

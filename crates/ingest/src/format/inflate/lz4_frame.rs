@@ -8,7 +8,7 @@ use xxhash_rust::xxh32::xxh32;
 
 const MAGIC: u32 = 0x184d_2204;
 /// Sixteen magic numbers without their last four bits: a skippable frame, user data preceded by their length.
-const SKIPPABLE: u32 = 0x184d_2a50;
+pub(crate) const SKIPPABLE: u32 = 0x184d_2a50;
 /// Maximum distance of a back-reference.
 const WINDOW: usize = 64 << 10;
 /// Set in the length of an uncompressed block.
