@@ -104,7 +104,7 @@ pub fn bench(input: &BenchInput<'_>, rig: &Rig) -> Result<Bench, BenchRefusal> {
         return Err(no_channel(input.sensor));
     }
     let arm = accelerometer_arm(sensor, rig);
-    let Gate { mut quality, closed } = gate(&motion, sensor, arm, around.gravity_mps2);
+    let Gate { mut quality, closed } = gate(&motion, sensor, &references, arm, around.gravity_mps2);
     let channels = channels(sensor, &references, &tied, &timing, &motion, rig, closed);
     quality.checks.extend(gaps_checked(&motion, &channels, &mut notices));
     quality.checks.extend(dead);

@@ -24,8 +24,10 @@ use signal::{
 
 /// Lags of the autocorrelation that are shown and tested.
 const ACF_LAGS: usize = 40;
-/// Number of points of the objective's curves.
+/// Number of points of the objective's curve over the whole search.
 const OBJECTIVE_POINTS: usize = 251;
+/// Number of points of its curve near the minimum, which is nearly a parabola.
+const NEAR_POINTS: usize = 61;
 /// The objective near its minimum is drawn up to this many standard uncertainties to either side.
 const NEAR_U: f64 = 5.0;
 
@@ -408,11 +410,12 @@ fn outlier_share(fit: &DelayFit) -> f64 {
 
 fn objective(measurements: &[Measurement<'_>], fit: &DelayFit, (from, to): (f64, f64)) -> ObjectiveCurve {
     let half = NEAR_U * fit.standard_uncertainty_s;
-    let grid = |from: f64, to: f64| -> Vec<f64> {
-        (0..OBJECTIVE_POINTS).map(|k| from + (to - from) * k as f64 / (OBJECTIVE_POINTS - 1) as f64).collect()
+    let grid = |from: f64, to: f64, points: usize| -> Vec<f64> {
+        (0..points).map(|k| from + (to - from) * k as f64 / (points - 1) as f64).collect()
     };
-    let (delay_s, value) = delay_excess(measurements, fit, &grid(from, to));
-    let (near_delay_s, near_value) = delay_excess(measurements, fit, &grid(fit.delay_s - half, fit.delay_s + half));
+    let (delay_s, value) = delay_excess(measurements, fit, &grid(from, to, OBJECTIVE_POINTS));
+    let near = grid(fit.delay_s - half, fit.delay_s + half, NEAR_POINTS);
+    let (near_delay_s, near_value) = delay_excess(measurements, fit, &near);
     ObjectiveCurve { delay_s, value, near_delay_s, near_value }
 }
 

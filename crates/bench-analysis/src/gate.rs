@@ -2,6 +2,7 @@
 
 use crate::kinematics::{BarState, specific_force};
 use crate::motion::Motion;
+use crate::references::References;
 use flight::with_minus;
 use flight::{Channel, Flight, Quantity};
 use record::{COUNTS_OR_STAMPS_WRONG, ENCODER_RESIDUAL, ENCODER_SLIP, GateCheck, QualityGate};
@@ -22,6 +23,8 @@ const GOOD_RESIDUAL_COUNTS: [f64; 2] = [0.15, 0.6];
 const SATURATED_SHARE: f64 = 0.01;
 /// Tangential specific force below this share of its two parts cancels: the accelerometer's x axis has no signal.
 const NULL_SHARE: f64 = 0.1;
+/// The sensor may begin this much later and end this much earlier than the encoder without a word, s.
+const END_S: f64 = 1.0;
 /// Grid of the spectrum, Hz.
 const SPECTRUM_RATE_HZ: f64 = 50.0;
 
@@ -32,19 +35,27 @@ pub(crate) struct Gate {
 }
 
 /// Judges motion and channels. `arm_m` is the accelerometer's lever arm.
-pub(crate) fn gate(motion: &Motion, sensor: &Flight, arm_m: [f64; 3], gravity: f64) -> Gate {
-    let parts: Vec<Vec<BarState>> = motion.parts().into_iter().map(|part| states_of(motion, part)).collect();
+pub(crate) fn gate(motion: &Motion, sensor: &Flight, references: &References, arm_m: [f64; 3], gravity: f64) -> Gate {
+    let (from, to) = covered(references);
+    let parts = motion.parts().into_iter().map(|(first, last)| (first.max(from), last.min(to)));
+    let parts: Vec<Vec<BarState>> = parts.filter(|p| p.0 < p.1).map(|part| states_of(motion, part)).collect();
     let states: Vec<BarState> = parts.iter().flatten().copied().collect();
     let Spectra { angle: spectrum, rate } = spectra(motion);
     let band = rate.band(0.9).unwrap_or([0.0; 2]);
     let rms_frequency_hz = spectrum.rms_frequency_hz().unwrap_or(0.0);
-    let [low, high] = motion.angle_range();
+    let (first, last) = motion.span();
+    let is_covered = from <= first + END_S && last - END_S <= to;
+    let [low, high] = if is_covered { motion.angle_range() } else { range_of(&states) };
+    let within = match is_covered {
+        true => String::new(),
+        false => format!(" in the {:.1} s that the sensor covers", (last.min(to) - first.max(from)).max(0.0)),
+    };
     let amplitude = 0.5 * (high - low);
     let angles = |part: &Vec<BarState>| part.iter().map(|s| s.angle).collect::<Vec<f64>>();
     let swings = parts.iter().map(|part| swings(&angles(part), amplitude)).sum();
     let mut checks = vec![
         amplitude_check(amplitude, low, high),
-        swings_check(swings, band),
+        swings_check(swings, &within, band),
         encoder_check(motion, rms_frequency_hz),
         residual_check(motion),
     ];
@@ -53,17 +64,30 @@ pub(crate) fn gate(motion: &Motion, sensor: &Flight, arm_m: [f64; 3], gravity: f
     checks.extend(sensor.channels.iter().filter_map(|(name, channel)| saturation_check(name, channel, motion)));
     let closed = if amplitude < LEAST_AMPLITUDE {
         Some(format!(
-            "the bar swings by ±{:.2}° only; swing it by ±30° or more, by hand and not too regularly",
+            "the bar swings by ±{:.2}° only{within}; swing it by ±30° or more, by hand and not too regularly",
             amplitude.to_degrees()
         ))
     } else if swings < LEAST_SWINGS {
-        Some(too_few(swings, states.first().zip(states.last()).map_or(0.0, |(a, b)| b.angle - a.angle)))
+        Some(too_few(swings, &within, states.first().zip(states.last()).map_or(0.0, |(a, b)| b.angle - a.angle)))
     } else {
         None
     };
     let quality =
         QualityGate { checks, excited_band_hz: band, rms_frequency_hz, swings, not_observable: not_observable() };
     Gate { quality, closed }
+}
+
+/// What the measured channels cover together, s: swings before or after it measure nothing.
+fn covered(references: &References) -> (f64, f64) {
+    let spans = references.channels.iter().filter_map(|c| c.t_s.first().copied().zip(c.t_s.last().copied()));
+    spans.fold((f64::INFINITY, f64::NEG_INFINITY), |(from, to), (first, last)| (from.min(first), to.max(last)))
+}
+
+fn range_of(states: &[BarState]) -> [f64; 2] {
+    if states.is_empty() {
+        return [0.0; 2];
+    }
+    states.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], s| [low.min(s.angle), high.max(s.angle)])
 }
 
 /// States of the bar over a part of the record, evenly spaced.
@@ -101,13 +125,13 @@ pub(crate) fn gap_check(motion: &Motion, left_out: u64) -> Option<GateCheck> {
 }
 
 /// Why a record with this few reversals is rejected. `turned` is the angle from its first to its last sample, rad.
-fn too_few(swings: u64, turned: f64) -> String {
+fn too_few(swings: u64, within: &str, turned: f64) -> String {
     let turns = (turned / std::f64::consts::TAU).abs();
     if turns < 1.0 {
-        return format!("the record holds {}; ten or more are needed", counted(swings));
+        return format!("the record holds {}{within}; ten or more are needed", counted(swings));
     }
     format!(
-        "the bar made {turns:.1} full turns and {}: only swings to and fro are measured. Reverse the bar ten times or \
+        "the bar made {turns:.1} full turns and {}{within}: only swings to and fro are measured. Reverse the bar ten times or \
          more within the record",
         counted(swings)
     )
@@ -133,11 +157,11 @@ fn amplitude_check(amplitude: f64, low: f64, high: f64) -> GateCheck {
     check("swing amplitude", amplitude >= GOOD_AMPLITUDE, text)
 }
 
-fn swings_check(swings: u64, [low, high]: [f64; 2]) -> GateCheck {
+fn swings_check(swings: u64, within: &str, [low, high]: [f64; 2]) -> GateCheck {
     let passed = swings >= GOOD_SWINGS;
     let text = match passed {
-        true => format!("{swings} swings; 90 % of the rate's power lies from {low:.2} to {high:.2} Hz"),
-        false => format!("{}; {GOOD_SWINGS} or more are needed", counted(swings)),
+        true => format!("{swings} swings{within}; 90 % of the rate's power lies from {low:.2} to {high:.2} Hz"),
+        false => format!("{}{within}; {GOOD_SWINGS} or more are needed", counted(swings)),
     };
     check("number of swings", passed, text)
 }
@@ -276,9 +300,9 @@ mod tests {
 
     #[test]
     fn too_few_swings_are_reported_with_the_number_needed() {
-        assert_eq!(swings_check(2, [0.4, 1.2]).text, "2 swings; 10 or more are needed");
-        assert_eq!(swings_check(1, [0.4, 1.2]).text, "1 swing; 10 or more are needed");
-        assert!(swings_check(10, [0.4, 1.2]).passed);
+        assert_eq!(swings_check(2, "", [0.4, 1.2]).text, "2 swings; 10 or more are needed");
+        assert_eq!(swings_check(1, "", [0.4, 1.2]).text, "1 swing; 10 or more are needed");
+        assert!(swings_check(10, "", [0.4, 1.2]).passed);
     }
 
     #[test]

@@ -30,6 +30,34 @@ fn swing(seed: u64) -> Swing {
     swing
 }
 
+/// The first `until_s` seconds of a channel.
+fn first_part(channel: &Channel, until_s: f64) -> Channel {
+    let stamps = channel.series.timeline().stamps();
+    let t: Vec<f64> = stamps.iter().map(|s| s.0 as f64 * 1e-9).take_while(|t| *t < until_s).collect();
+    let values = channel.series.components().iter().map(|c| c[..t.len()].to_vec()).collect();
+    crate::support::channel(channel.quantity, &t, values)
+}
+
+/// 60 s of swinging, of which the sensor recorded a part. Former bug: all swings counted, and the check passed.
+#[test]
+fn swings_count_only_while_the_sensor_records() {
+    let swing = swing(1);
+    let sensor = Sensor { seed: 1, ..Sensor::upright(30f64.to_radians()) };
+    let gyro = sensed(&swing, &sensor, Quantity::AngularRate, 50.0, 0.0, 0.01);
+    let of = |until_s: f64| {
+        let encoder = encoder_channel(&swing, 100.0, 2000.0, 1.0, 0.0);
+        measured(encoder, vec![("angular-rate.imu", first_part(&gyro, until_s))]).findings.gate
+    };
+    let whole = of(60.0);
+    assert!(whole.swings > 25 && whole.checks.iter().all(|c| !c.text.contains("covers")), "{whole:?}");
+    let half = of(30.0);
+    // Each swing of 0.53 Hz counts once.
+    assert!((half.swings as f64 - 0.5 * whole.swings as f64).abs() < 2.5, "{half:?}");
+    let short = of(8.0);
+    let swings = short.checks.iter().find(|c| c.name == "number of swings").unwrap();
+    assert!(!swings.passed && swings.text.contains("in the 8.0 s that the sensor covers"), "{swings:?}");
+}
+
 /// Rows of `late` from `from_s` on, of `early` before.
 fn changing(early: &Channel, late: &Channel, from_s: f64) -> Channel {
     let rows = early.series.len();
