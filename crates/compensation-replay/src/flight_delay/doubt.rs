@@ -95,7 +95,7 @@ fn by_frequency(found: &mut MeasuredDelay, view: &View) -> f64 {
     }
     found.alarms.push(format!(
         "the delay depends on frequency: {} ms in slow motion, {} ms in fast (different by {:.0} ± {:.0} ms; the \
-         border is about {:.2} Hz). It acts as a filter, not as a pure delay",
+         border is about {:.2} Hz). One of the two channels acts as a filter, not as a pure delay",
         flight::fixed(1e3 * bands.slow_s, 0),
         flight::fixed(1e3 * bands.fast_s, 0),
         1e3 * apart_s.abs(),

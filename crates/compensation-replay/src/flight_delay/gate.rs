@@ -185,15 +185,15 @@ fn what_to_fly(known_s: f64, offer: &DelayExcitation, motion: &Motion) -> String
     let minutes = ((fix_m / (speed_mps * AIM_S)).powi(2) / rate_hz / 60.0).max(1.0);
     if minutes > LONGEST_ADVICE_MIN {
         return format!(
-            "At this noise, not even an hour of circles at {speed_mps:.0} m/s would give ±{:.0} ms: log a position or a velocity \
-             with less noise, or fly tighter and faster turns",
+            "At this noise, not even an hour of circles at {speed_mps:.0} m/s would give a standard uncertainty of {:.0} \
+             ms: log a position or a velocity with less noise, or fly tighter and faster turns",
             1e3 * AIM_S
         );
     }
     let straight = if offer.moving_share < STRAIGHT { "The flight is nearly straight. " } else { "" };
     format!(
-        "{straight}About {:.0} min of circles or figures of eight at {speed_mps:.0} m/s would give ±{:.0} ms; tighter and \
-         faster turns need less",
+        "{straight}About {:.0} min of circles or figures of eight at {speed_mps:.0} m/s would give a standard uncertainty of {:.0} \
+         ms; tighter and faster turns need less",
         minutes.ceil(),
         1e3 * AIM_S
     )

@@ -125,7 +125,7 @@ fn delay_of(
 struct Compared<'a> {
     /// Without spikes.
     second: Cow<'a, Horizontal>,
-    /// A fast velocity, with its white noise averaged before integration.
+    /// A fast velocity or a noisy track, with its white noise averaged before it is integrated or interpolated.
     smoothed: Option<Horizontal>,
     /// Usual interval, s.
     step_s: Option<f64>,
@@ -147,7 +147,11 @@ impl<'a> Compared<'a> {
         let second = despiked.map_or(Cow::Borrowed(&prepared.second), Cow::Owned);
         let step_s = pieces::usual_step_s(&second.t);
         let is_velocity = matches!(pair.second, Second::Velocity(_));
-        let smoothed = if is_velocity { pieces::smoothed(&second, step_s) } else { None };
+        let smoothed = match (is_velocity, prepared.integrate) {
+            (true, _) => pieces::smoothed_velocity(&second, step_s),
+            (false, false) => pieces::smoothed_track(&second, step_s),
+            (false, true) => None,
+        };
         Compared { second, smoothed, step_s, is_velocity }
     }
 

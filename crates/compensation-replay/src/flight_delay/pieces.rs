@@ -86,29 +86,72 @@ const SMOOTHED_S: f64 = 0.05;
 /// Weights of a sample and its neighbours: noise that alternates in sign from sample to sample is removed entirely.
 const BINOMIAL: [f64; 5] = [1.0 / 16.0, 4.0 / 16.0, 6.0 / 16.0, 4.0 / 16.0, 1.0 / 16.0];
 
-/// A velocity (m/s, timestamps in s) smoothed over five samples; samples next to a gap are unchanged. `None` if its
-/// usual step is longer than [`SMOOTHED_S`], or if timestamps are so uneven that the smoothed ones would cross their
-/// neighbours.
+/// A velocity (m/s, timestamps in s), smoothed; `None` if its usual step is longer than [`SMOOTHED_S`], or if it cannot
+/// be smoothed.
 ///
 /// Between two samples the integral of white noise has another variance than at a sample. A fit of the delay mistakes
 /// the smaller variance for better agreement and ends at multiples of the step, with an uncertainty that is far too
 /// small. The smoothed velocity has hardly any noise from sample to sample, and the noise of its integral does not
 /// depend on where it is read.
-pub(crate) fn smoothed(velocity: &Horizontal, step_s: Option<f64>) -> Option<Horizontal> {
-    let longest_s = 1.5 * (BINOMIAL.len() - 1) as f64 * step_s.filter(|step| *step <= SMOOTHED_S)?;
+pub(crate) fn smoothed_velocity(velocity: &Horizontal, step_s: Option<f64>) -> Option<Horizontal> {
+    smoothed(velocity, step_s.filter(|step| *step <= SMOOTHED_S)?)
+}
+
+/// Largest step of a track that is smoothed twice, s: a turn at 3 m/s² loses 0.12 m.
+const SMOOTHED_TWICE_S: f64 = 0.2;
+/// Bias of a delay in units of its uncertainty above which the noise of a track counts.
+const NOISE_COUNTS: f64 = 0.1;
+
+/// A track (timestamps in s), smoothed; `None` if its noise is too small to matter, or if it cannot be smoothed.
+///
+/// Read between two samples, a track has up to 36 % less variance than at a sample. Where both tracks have the same
+/// timestamps, a fit mistakes that for better agreement, and its delay is drawn to half a step: two positions at 10 Hz
+/// with 1 m of noise, equally late, were 48.0 ± 1.8 ms apart. Of a smoothed track the variance differs by 2 %, and
+/// smoothed twice by 0.7 %. What
+/// smoothing takes from a turn is parallel to the acceleration, and so looks like no delay.
+pub(crate) fn smoothed_track(track: &Horizontal, step_s: Option<f64>) -> Option<Horizontal> {
+    let step_s = step_s.filter(|_| track.t.len() > BINOMIAL.len())?;
+    let length = |of: &dyn Fn(usize) -> f64| AXES.map(|axis| of(axis).powi(2)).iter().sum::<f64>().sqrt();
+    let noise = length(&|axis| white_noise(&track.axes[axis]));
+    let speed = length(&|axis| deviation(Interpolated::new(&track.t, &track.axes[axis]).slopes()));
+    // The bias is about noise²/(step · speed²), the uncertainty noise/(speed √n).
+    let counts = noise * (track.t.len() as f64).sqrt() > NOISE_COUNTS * step_s * speed;
+    let once = if counts { smoothed(track, step_s)? } else { return None };
+    // Slower tracks would lose too much of their turns.
+    if step_s <= SMOOTHED_TWICE_S { smoothed(&once, step_s) } else { Some(once) }
+}
+
+/// The mean of five samples around each, weighted; samples next to a gap are unchanged. `None` if timestamps are so
+/// uneven that the smoothed ones would cross their neighbours.
+fn smoothed(series: &Horizontal, step_s: f64) -> Option<Horizontal> {
+    let longest_s = 1.5 * (BINOMIAL.len() - 1) as f64 * step_s;
     let mean = |x: &[f64]| x.iter().zip(BINOMIAL).map(|(x, weight)| x * weight).sum::<f64>();
     let half = BINOMIAL.len() / 2;
-    let mut out = velocity.clone();
-    for (k, t) in velocity.t.windows(BINOMIAL.len()).enumerate() {
+    let mut out = series.clone();
+    for (k, t) in series.t.windows(BINOMIAL.len()).enumerate() {
         if t[BINOMIAL.len() - 1] - t[0] <= longest_s {
             // The timestamps are averaged too, so uneven ones shift no sample.
             out.t[k + half] = t[0] + t.iter().zip(BINOMIAL).map(|(t_k, weight)| weight * (t_k - t[0])).sum::<f64>();
             for axis in AXES {
-                out.axes[axis][k + half] = mean(&velocity.axes[axis][k..k + BINOMIAL.len()]);
+                out.axes[axis][k + half] = mean(&series.axes[axis][k..k + BINOMIAL.len()]);
             }
         }
     }
     out.t.windows(2).all(|pair| pair[0] < pair[1]).then_some(out)
+}
+
+/// Standard deviation of the white noise of evenly spaced samples, robust, from their third differences.
+fn white_noise(y: &[f64]) -> f64 {
+    let third = |y: &[f64]| y[3] - 3.0 * y[2] + 3.0 * y[1] - y[0];
+    let thirds: Vec<f64> = y.windows(4).map(third).collect();
+    // 1 + 9 + 9 + 1
+    signal::robust_sigma(&thirds).unwrap_or(0.0) / 20_f64.sqrt()
+}
+
+fn deviation(y: &[f64]) -> f64 {
+    let n = y.len().max(1) as f64;
+    let mean = y.iter().sum::<f64>() / n;
+    (y.iter().map(|y| (y - mean).powi(2)).sum::<f64>() / n).sqrt()
 }
 
 /// Ranges of rows in which the second channel has no gap longer than `gap_s`.

@@ -88,8 +88,8 @@ impl<'a> Interpolated<'a> {
     }
 
     /// Its rate at each sample.
-    pub(crate) fn into_slopes(self) -> Vec<f64> {
-        self.slope
+    pub(crate) fn slopes(&self) -> &[f64] {
+        &self.slope
     }
 }
 

@@ -68,7 +68,7 @@ fn velocity_of(track: &Horizontal) -> Option<Horizontal> {
     if track.t.len() < super::local::LEAST_SAMPLES {
         return None;
     }
-    let slopes = |axis: &Vec<f64>| Interpolated::new(&track.t, axis).into_slopes();
+    let slopes = |axis: &Vec<f64>| Interpolated::new(&track.t, axis).slopes().to_vec();
     Some(Horizontal { t: track.t.clone(), axes: [slopes(&track.axes[0]), slopes(&track.axes[1])] })
 }
 
