@@ -17,8 +17,8 @@ use delay_network::{Lineage, NetworkSettings, PairObservation, ReferenceUse, dif
 use flight::{Alarm, Binding, Code, Delay, Flight, LogHealth, Notices};
 use record::{
     ChannelLateness, DelayAdvice, DelayAlarm, DelayKind, DelayNetwork, DelayOverTime, DelayPairKind, DelaySetting,
-    Estimate, Finding, FlightContent, FlightDelays, FlightLateness, Gravity, MeasuredFlight, NetworkDatum,
-    OtherReceiver, PairDelay, RECORD_VERSION, ReceiverGroup, ReferenceClock, ReferenceFile,
+    Estimate, Finding, FlightContent, FlightDelays, FlightLateness, Gravity, MeasuredDelay, MeasuredFlight,
+    NetworkDatum, OtherReceiver, PairDelay, RECORD_VERSION, ReceiverGroup, ReferenceClock, ReferenceFile,
 };
 
 /// Notices of a log that are alarms of its flight: columns bound by guess, and unknown stated units.
@@ -242,7 +242,7 @@ fn answered(
         lever_arm_s_per_decimetre: pair.and_then(|p| p.lever_arm_s_per_decimetre),
         ..base
     };
-    out.kind = kind_of(&out, over_time);
+    out.kind = kind_of(&out, over_time, measured);
     out.also = also(over_time);
     out.alarms = alarms::of(&out, network, measured, over_time);
     out.words = words(&out, pair, over_time);
@@ -257,7 +257,8 @@ fn answered(
     let absolute = out.lateness.as_ref().is_some_and(|l| l.relative_to.is_none());
     let one_delay = matches!(out.kind, DelayKind::Constant | DelayKind::NotTested);
     if let Some(lateness_s) = out.lateness_s().filter(|_| absolute && one_delay) {
-        out.advice = advice(&lateness_s, &out, health);
+        let other_velocity = network.and_then(|n| other_velocity(n, &position));
+        out.advice = advice(&lateness_s, &out, other_velocity, health);
     }
     out.advice.fly = fly(&out, pair, over_time);
     out
@@ -272,14 +273,16 @@ fn against(channel: Option<&ChannelLateness>, velocity: &str) -> String {
     }
 }
 
-fn kind_of(out: &FlightLateness, over_time: Option<&DelayOverTime>) -> DelayKind {
+fn kind_of(out: &FlightLateness, over_time: Option<&DelayOverTime>, measured: Option<&MeasuredDelay>) -> DelayKind {
     if let Some(varies) = over_time.map(|o| o.kind).filter(|k| k.varies()) {
         return varies;
     }
     let Some(Estimate { value, standard_uncertainty: Some(u) }) = out.lateness_s() else {
         return DelayKind::CannotTell;
     };
-    let tested = over_time.is_some_and(|o| o.constancy.tested && o.kind != DelayKind::CannotTell);
+    // Windows that scatter contradict a constant delay.
+    let scatters = measured.and_then(|m| m.homogeneity).is_some_and(|h| h.scatters());
+    let tested = !scatters && over_time.is_some_and(|o| o.constancy.tested && o.kind != DelayKind::CannotTell);
     if value.abs() + 1.645 * u < ON_TIME_S {
         DelayKind::OnTime
     } else if value + 1.96 * u < 0.0 {
@@ -403,11 +406,18 @@ fn advice_in(why: &str) -> Option<&str> {
     why.split_inclusive(". ").map(str::trim).find(|s| s.contains("turns") || s.contains("circles"))
 }
 
+/// Start of a note about the range of a parameter.
+const TAKES: &str = "it takes ";
 /// Start of a note about the value in the log.
 const IN_LOG: &str = "it is ";
 
 /// Settings of the autopilot that wrote the log which remove this delay.
-fn advice(lateness_s: &Estimate, out: &FlightLateness, health: &LogHealth) -> DelayAdvice {
+fn advice(
+    lateness_s: &Estimate,
+    out: &FlightLateness,
+    other_velocity: Option<(String, Estimate)>,
+    health: &LogHealth,
+) -> DelayAdvice {
     let mut set = vec![];
     if lateness_s.value <= 0.0 {
         return DelayAdvice::default();
@@ -418,7 +428,7 @@ fn advice(lateness_s: &Estimate, out: &FlightLateness, health: &LogHealth) -> De
         value,
         unit: "s".into(),
         note: String::new(),
-        out_of_range: false,
+        unsuitable: false,
     });
     let inertial = out.datum == NetworkDatum::Imu && out.lateness.as_ref().is_some_and(|l| !l.weak);
     let system = health.about.system.as_deref().unwrap_or_default().to_ascii_lowercase();
@@ -439,15 +449,29 @@ fn advice(lateness_s: &Estimate, out: &FlightLateness, health: &LogHealth) -> De
             0.0 if is_ardupilot => format!("{IN_LOG}0 in this log, which means automatic"),
             value_s => format!("{IN_LOG}{:.0} ms in this log", 1e3 * value_s),
         });
-        set.push(parameter_setting(p, now));
+        let mut setting = parameter_setting(p, now);
+        if let Some((velocity, late_s)) = other_velocity.filter(|_| !setting.unsuitable) {
+            setting.note = format!("it also shifts {velocity}, which is {} ms late", in_ms(&late_s));
+            setting.unsuitable = true;
+        }
+        set.push(setting);
     }
     DelayAdvice { set, fly: None }
+}
+
+/// The velocity of the same receiver and its lateness, if it differs from that of the position: a parameter of the
+/// autopilot shifts both.
+fn other_velocity(network: &DelayNetwork, position: &str) -> Option<(String, Estimate)> {
+    let velocity = format!("velocity.{}", position.strip_prefix("position.")?);
+    let apart = difference(network, position, &velocity)?;
+    let is_apart = apart.value.abs() > ON_TIME_S.max(3.0 * apart.standard_uncertainty.unwrap_or_default());
+    is_apart.then(|| Some((velocity.clone(), network.channel(&velocity)?.lateness_s)))?
 }
 
 /// The setting of an autopilot parameter; `now` states its value in the log.
 fn parameter_setting(p: &AutopilotParameter, now: Option<String>) -> DelaySetting {
     let note = match p.fit {
-        ParameterFit::OutOfRange => Some(format!("{} takes {} to {} ms", p.name, p.range_ms[0], p.range_ms[1])),
+        ParameterFit::OutOfRange => Some(format!("{TAKES}{} to {} ms", p.range_ms[0], p.range_ms[1])),
         ParameterFit::RoundsToAutomatic => Some("0 means automatic".to_owned()),
         ParameterFit::Fits | ParameterFit::AtTheEdge => now,
     };
@@ -456,11 +480,12 @@ fn parameter_setting(p: &AutopilotParameter, now: Option<String>) -> DelaySettin
         value: p.value_ms as f64,
         unit: "ms".into(),
         note: note.unwrap_or_default(),
-        out_of_range: p.fit == ParameterFit::OutOfRange,
+        unsuitable: p.fit == ParameterFit::OutOfRange,
     }
 }
 
-/// The settings for some flights with a common delay. States the values in their logs if these are equal.
+/// The settings for some flights with a common delay. States the values in their logs if these are equal. A setting that
+/// cannot remove the delay of one of them is no setting for all.
 pub(crate) fn advice_for(lateness_s: &Estimate, flights: &[&FlightLateness]) -> DelayAdvice {
     let Some(like) = flights.iter().find(|l| !l.advice.set.is_empty()) else { return DelayAdvice::default() };
     let delay = Delay::from_seconds(lateness_s.value).unwrap_or(Delay::ZERO);
@@ -468,9 +493,14 @@ pub(crate) fn advice_for(lateness_s: &Estimate, flights: &[&FlightLateness]) -> 
     let with = |s: &DelaySetting| match known.parameters.iter().find(|p| p.name == s.name) {
         Some(p) => {
             let all = flights.iter().flat_map(|l| &l.advice.set);
-            let mut notes = all.filter(|own| own.name == s.name && !own.out_of_range).map(|own| own.note.as_str());
+            let mut notes = all.filter(|own| own.name == s.name && !own.unsuitable).map(|own| own.note.as_str());
             let first = notes.next().filter(|note| note.starts_with(IN_LOG) && notes.all(|other| other == *note));
-            parameter_setting(p, first.map(str::to_owned))
+            let setting = parameter_setting(p, first.map(str::to_owned));
+            let own = flights.iter().flat_map(|l| &l.advice.set).find(|own| own.name == s.name && own.unsuitable);
+            match own.filter(|own| !setting.unsuitable && !own.note.starts_with(TAKES)) {
+                Some(own) => DelaySetting { note: own.note.clone(), unsuitable: true, ..setting },
+                None => setting,
+            }
         }
         None => DelaySetting { value: (lateness_s.value * 1e3).round() / 1e3, ..s.clone() },
     };

@@ -261,6 +261,12 @@ fn pooled(members: &[(&str, &FlightLateness)], pool: &DelayPool, empty: GroupLat
 /// The same group with only the flights of a pool.
 fn part_of(group: GroupLateness, pool: &DelayPool) -> GroupLateness {
     let members: Vec<String> = pool.members.iter().map(|m| m.flight.clone()).collect();
+    // The parts of a group differ in their delay, and so in their names.
+    let part = pool.described().map_or("without a common delay".to_owned(), |mean| {
+        format!("near {} ms", flight::fixed(1e3 * mean.mean_s.value, 0))
+    });
+    let name = format!("{}, flights {part}", group.group.name);
+    let group = GroupLateness { group: record::ReceiverGroup { name, ..group.group.clone() }, ..group };
     GroupLateness { flights: members.len() as u64, members, ..group }
 }
 
@@ -348,7 +354,8 @@ fn relative_group(members: &[(&str, &FlightLateness)], empty: GroupLateness) -> 
     let velocity = empty.against.strip_prefix("relative to ").unwrap_or(&empty.against);
     let mean_s = as_wide_as(&pool.mean_s, pool.half_width_95_s);
     let of_all = of_all(pool.flights, members);
-    let words = if pool.difference.is_some_and(|test| test.p < DIFFER_P) {
+    let differ = pool.difference.is_some_and(|test| test.p < DIFFER_P);
+    let words = if differ {
         let range = range(flights.iter().map(|flight| flight.lateness_s), LATER);
         format!(
             "no common delay: position {range} than {velocity} ({of_all}); the flights differ by more \
@@ -360,8 +367,9 @@ fn relative_group(members: &[(&str, &FlightLateness)], empty: GroupLateness) -> 
     };
     GroupLateness {
         pooled: u64::from(pool.flights),
-        lateness_s: Some(mean_s),
-        interval_95_s: Some(pool.interval_95_s),
+        // A mean of flights that differ describes none of them.
+        lateness_s: Some(mean_s).filter(|_| !differ),
+        interval_95_s: Some(pool.interval_95_s).filter(|_| !differ),
         between_s: pool.tau_s,
         difference: pool.difference,
         words,

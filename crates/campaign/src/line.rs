@@ -94,6 +94,8 @@ pub struct LineSetting {
     pub unit: String,
     /// Caveats.
     pub note: String,
+    /// Whether the setting cannot remove the delay; `note` says why.
+    pub unsuitable: bool,
 }
 
 /// Inputs of a line.
@@ -217,8 +219,8 @@ fn alarm(alarm: &DelayAlarm) -> LineAlarm {
 
 impl LineSetting {
     pub(crate) fn of(setting: record::DelaySetting) -> LineSetting {
-        let record::DelaySetting { name, value, unit, note, out_of_range: _ } = setting;
-        LineSetting { name, value, unit, note }
+        let record::DelaySetting { name, value, unit, note, unsuitable } = setting;
+        LineSetting { name, value, unit, note, unsuitable }
     }
 }
 

@@ -226,7 +226,11 @@ pub(crate) fn why_no_logs<'a>(files: impl Iterator<Item = (&'a str, &'a str)>) -
         0 => EMPTY_FOLDER.to_owned(),
         n if n > MOST_REASONS => {
             let listed: Vec<String> = reasons.iter().take(MOST_REASONS).map(worded).collect();
-            format!("{}; and files with {} other reasons", listed.join("; "), n - MOST_REASONS)
+            format!(
+                "{}; and files with {}",
+                listed.join("; "),
+                crate::answer::counted(n - MOST_REASONS, "other reason")
+            )
         }
         _ => reasons.iter().map(worded).collect::<Vec<_>>().join("; "),
     }

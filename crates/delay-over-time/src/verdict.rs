@@ -161,11 +161,9 @@ fn note_of(c: &Constancy, first_s: f64, differs: bool) -> Option<String> {
     if let (true, Some(b)) = (differs, c.difference_s) {
         let by = plus_minus(b);
         return Some(match c.left_out_window_s {
-            Some([from, to]) => format!(
-                "The delay differs by {by} in the {:.0} s that begin at {:.0} s. The rest of the flight agrees with one delay.",
-                to - from,
-                from - first_s
-            ),
+            Some([from, to]) => {
+                format!("The delay differs by {by} in the {:.0} s that begin at {:.0} s.", to - from, from - first_s)
+            }
             None => format!(
                 "The delay differs by {by} between parts of the flight. That is not surely above the limit of {}.",
                 milliseconds(c.limit_s)

@@ -125,6 +125,10 @@ fn parameters(groups: &[GroupLine]) -> Result<String, Failure> {
             );
             return Err(Failure::new(Exit::Failed, format!("no parameters were written: {}: {why}", group.group)));
         }
+        if set.unsuitable {
+            let why = format!("{} cannot remove the delay: {}", set.name, set.note);
+            return Err(Failure::new(Exit::Failed, format!("no parameters were written: {}: {why}", group.group)));
+        }
         lines.push((group, line(known.name, known.value_ms), known));
     }
     match &lines[..] {
@@ -202,15 +206,16 @@ mod tests {
                 value: 1e3 * lateness_s,
                 unit: "ms".into(),
                 note: String::new(),
+                unsuitable: false,
             }],
         }
     }
 
     /// A group of logs without an autopilot name.
     fn group_in_seconds(name: &str, lateness_s: f64, datum: &str) -> GroupLine {
-        let set =
-            vec![LineSetting { name: "position_s".into(), value: lateness_s, unit: "s".into(), note: String::new() }];
-        GroupLine { set, ..group(name, lateness_s, datum, "") }
+        let mut group = group(name, lateness_s, datum, "position_s");
+        group.set[0] = LineSetting { value: lateness_s, unit: "s".into(), ..group.set.remove(0) };
+        group
     }
 
     #[test]

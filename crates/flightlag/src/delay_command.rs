@@ -283,7 +283,10 @@ fn effect(line: &DelayLine) -> String {
 fn settings(set: &[LineSetting]) -> String {
     let one = |s: &LineSetting| {
         let note = if s.note.is_empty() { String::new() } else { format!(" ({})", s.note) };
-        format!("{} = {}{note}", s.name, s.value)
+        match s.unsuitable {
+            true => format!("{} cannot remove it: {}", s.name, s.note),
+            false => format!("{} = {}{note}", s.name, s.value),
+        }
     };
-    set.iter().map(one).collect::<Vec<_>>().join(", ")
+    set.iter().map(one).collect::<Vec<_>>().join("; ")
 }

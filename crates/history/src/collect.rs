@@ -217,7 +217,7 @@ fn advised(flight: &FlightRow, group: Option<&GroupLateness>) -> Option<(String,
     }
     let own = flight.lateness.iter().flat_map(|l| &l.advice.set);
     let all = group.into_iter().flat_map(|g| &g.advice.set).chain(own);
-    let found = all.into_iter().find(|setting| setting.unit == "ms" && !setting.out_of_range)?;
+    let found = all.into_iter().find(|setting| setting.unit == "ms" && !setting.unsuitable)?;
     Some((found.name.clone(), found.value / 1e3))
 }
 
@@ -225,7 +225,7 @@ fn advised(flight: &FlightRow, group: Option<&GroupLateness>) -> Option<(String,
 fn with_advice(row: Row, flight: &FlightRow, group: Option<&GroupLateness>) -> Row {
     let Some((parameter, value_s)) = advised(flight, group) else { return row };
     let of_group =
-        group.filter(|g| g.advice.set.iter().any(|s| s.unit == "ms" && !s.out_of_range)).and_then(|g| g.lateness_s);
+        group.filter(|g| g.advice.set.iter().any(|s| s.unit == "ms" && !s.unsuitable)).and_then(|g| g.lateness_s);
     let from = of_group.or_else(|| flight.lateness.as_ref().and_then(|l| l.lateness_s()));
     // The log states the value of one parameter only: a recommendation for another would be compared with the wrong
     // one.

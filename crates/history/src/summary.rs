@@ -28,6 +28,14 @@ fn night(record: &NightRecord) -> String {
         format!("{} gone", changes.gone.len()),
         format!("{} left for the next night", record.left.len()),
     ];
+    let of = |count: fn(&record::CampaignTotals) -> u64| -> usize {
+        let sum: u64 = record.campaigns.iter().filter_map(|c| c.totals.as_ref()).map(count).sum();
+        usize::try_from(sum).unwrap_or(usize::MAX)
+    };
+    // Why the exit code is 3, even if nothing is new.
+    for (count, what) in [(of(|t| t.failed), "failed log"), (of(|t| t.lossy), "damaged log")] {
+        parts.extend((count > 0).then(|| counted(count, what)));
+    }
     let failed = record.campaigns.iter().filter(|c| c.error.is_some());
     parts.extend(
         failed.map(|c| format!("CAMPAIGN {} FAILED: {}", c.name, first_line(c.error.as_deref().unwrap_or_default()))),
@@ -80,7 +88,7 @@ pub(crate) fn in_unit(estimate: &Estimate, unit: &str) -> String {
 }
 
 fn failing(changes: &RunChanges) -> String {
-    let recovered = format!("{} recovered", changes.recovered.len());
+    let recovered = format!("no longer failing: {}", changes.recovered.len());
     let recovered = match changes.new_not_measurable.len() {
         0 => recovered,
         n => format!("{recovered}; {n} of the new flights cannot be measured"),

@@ -189,9 +189,9 @@ pub struct DelaySetting {
     pub unit: String,
     /// Caution; empty if not needed.
     pub note: String,
-    /// Whether the setting does not accept this value.
+    /// Whether the setting cannot remove the delay; `note` says why.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub out_of_range: bool,
+    pub unsuitable: bool,
 }
 
 /// Whether compensation helped.

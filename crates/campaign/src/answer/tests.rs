@@ -38,7 +38,7 @@ fn late(value_s: f64, relative_to: Option<&str>) -> FlightLateness {
 /// The constant fit may give a delay while the varying fit cannot show that it is constant.
 #[test]
 fn a_delay_not_known_to_be_constant_is_not_called_constant() {
-    let kind = |kind| kind_of(&late(0.203, None), Some(&crate::answer::alarms::tests::over_time(kind)));
+    let kind = |kind| kind_of(&late(0.203, None), Some(&crate::answer::alarms::tests::over_time(kind)), None);
     assert_eq!((kind(DelayKind::Constant), kind(DelayKind::CannotTell)), (DelayKind::Constant, DelayKind::NotTested));
 }
 
@@ -58,8 +58,8 @@ fn decision(contradicted: Option<&str>) -> Decision {
 /// Former bug: a minute of turns for a step that was measured, and another duration than in the reason.
 #[test]
 fn what_to_fly_is_what_the_reason_says_and_nothing_for_a_delay_that_changes() {
-    let why = "the delay would be known only to ±77 ms. About 4 min of circles at 5 m/s would give ±25 ms.";
-    assert_eq!(advice_in(why), Some("About 4 min of circles at 5 m/s would give ±25 ms."));
+    let why = "the delay would be known only to ±77 ms. About 4 min of circles at 5 m/s would give a standard uncertainty of 25 ms.";
+    assert_eq!(advice_in(why), Some("About 4 min of circles at 5 m/s would give a standard uncertainty of 25 ms."));
     assert_eq!(advice_in("fewer than 20 fixes"), None);
     let steps = FlightLateness { kind: DelayKind::Steps, ..unknown("k") };
     let tested = crate::answer::alarms::tests::over_time(DelayKind::Steps);
@@ -72,9 +72,9 @@ fn what_to_fly_is_what_the_reason_says_and_nothing_for_a_delay_that_changes() {
 #[test]
 fn a_difference_has_a_kind_and_its_sentence_never_says_late() {
     for (value_s, kind) in [(-0.507, DelayKind::Early), (0.001, DelayKind::OnTime), (0.203, DelayKind::NotTested)] {
-        assert_eq!(kind_of(&late(value_s, None), None), kind);
+        assert_eq!(kind_of(&late(value_s, None), None, None), kind);
         let difference = late(value_s, Some("velocity.gps"));
-        assert_eq!(kind_of(&difference, None), kind);
+        assert_eq!(kind_of(&difference, None, None), kind);
         let text = words(&FlightLateness { kind, ..difference }, None, None);
         assert!(text.contains("than velocity.gps; the lateness of both is unknown"), "{text}");
     }
@@ -143,7 +143,7 @@ fn a_split_group_gives_no_setting_for_its_mean() {
             value: value_s,
             unit: "s".into(),
             note: String::new(),
-            out_of_range: false,
+            unsuitable: false,
         }];
         let advice = DelayAdvice { set, fly: None };
         FlightLateness { verdict: Some(NetworkVerdict::Consistent), advice, ..late(value_s, None) }
@@ -210,7 +210,7 @@ fn advice_states_the_values_in_the_logs_and_what_cannot_be_set() {
             value,
             unit: unit.into(),
             note: note.into(),
-            out_of_range: false,
+            unsuitable: false,
         };
         let set = vec![setting("position_s", ms / 1e3, "s", ""), setting("GPS_DELAY_MS", ms, "ms", note)];
         FlightLateness { advice: DelayAdvice { set, fly: None }, ..unknown("k") }
@@ -221,13 +221,10 @@ fn advice_states_the_values_in_the_logs_and_what_cannot_be_set() {
     };
     let same = [flight(203.0, "it is 50 ms in this log"), flight(205.0, "it is 50 ms in this log")];
     let set = of_parameter(0.204, &same);
-    assert_eq!((set.value, set.note.as_str(), set.out_of_range), (204.0, "it is 50 ms in this log", false));
+    assert_eq!((set.value, set.note.as_str(), set.unsuitable), (204.0, "it is 50 ms in this log", false));
     // Logs with different values give no common statement, and a value beyond the range cannot be set.
     let other = [flight(203.0, "it is 50 ms in this log"), flight(205.0, "it is 201 ms in this log")];
     assert_eq!(of_parameter(0.204, &other).note, "");
     let beyond = of_parameter(0.261, &same);
-    assert_eq!(
-        (beyond.value, beyond.note.as_str(), beyond.out_of_range),
-        (261.0, "GPS_DELAY_MS takes 0 to 250 ms", true)
-    );
+    assert_eq!((beyond.value, beyond.note.as_str(), beyond.unsuitable), (261.0, "it takes 0 to 250 ms", true));
 }

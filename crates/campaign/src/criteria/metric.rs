@@ -214,17 +214,17 @@ pub const METRICS: &[MetricEntry] = {
             PLAIN,
             Pair,
             Positive,
-            "Expanded uncertainty (k = 2) of the delay measured from the flight.",
+            "Expanded uncertainty (k = 2) of the delay between position and velocity. The lateness is less certain.",
         ),
         entry(
             Metric::SmallestDetectableDelayChange,
             "smallest-detectable-delay-change",
-            "Smallest detectable change of Td",
+            "Smallest detectable Td",
             Time,
             PLAIN,
             Pair,
             Positive,
-            "Change of the delay that a test at 5 % would detect in this flight with a probability of 80 %.",
+            "Delay that a test at 5 % would detect in this flight with a probability of 80 %.",
         ),
         entry(
             Metric::InjectionError,
@@ -330,13 +330,13 @@ pub const METRICS: &[MetricEntry] = {
         entry(
             Metric::ResidualDelay,
             "residual-delay",
-            "Residual delay",
+            "Residual delay against the velocity",
             Time,
             UNSURE,
             Compensator,
             Signed,
             "How late the output of a compensator still is against integrated velocity: zero if everything was \
-             removed. Not evaluated where the removed delay was measured in the same flight, because it is then zero \
+             removed and the velocity is on time. Not evaluated where the removed delay was measured in the same flight, because it is then zero \
              by construction.",
         ),
         entry(

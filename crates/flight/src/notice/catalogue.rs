@@ -413,7 +413,7 @@ catalogue! {
             "Use timestamps of the measurement instead of the arrival.";
         Outliers, "outliers", Amber, "More than 5 % of the samples are outliers.",
             "Look at the residuals on the page of the flight.";
-        DelayDoubtful, "delay-doubtful", Amber, "Another check of the fit failed. The text names it.",
+        DelayDoubtful, "delay-doubtful", Amber, "The residuals or a comparison of slow with fast motion do not fit a pure delay. The text says how.",
             "Look at the named check on the page of the flight.";
         ReferenceNotUsed, "reference-not-used", Amber,
             "The reference file was not used. The text gives the reason. The exit code is 3.",
@@ -424,7 +424,8 @@ catalogue! {
             "The windows of the delay scatter by more than their uncertainties, and the test for a change found none. U includes the \
              scatter.",
             "Nothing.";
-        DelayRemark, "delay-remark", Grey, "A remark about the fit.", "Nothing.";
+        DelayRemark, "delay-remark", Grey,
+            "The fit was made with a restriction that U includes, such as a mean over a flight. The text names it.", "Nothing.";
         Companion, "companion", Grey,
             "The file has no position of its own vehicle, so it is not a flight. The text says what it holds.", "Nothing.";
     }

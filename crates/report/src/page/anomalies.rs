@@ -1,18 +1,19 @@
 //! Anomalies of a flight with their times, for the table of the page and the marks in the explorer.
 
 use super::Head::{Number, Text};
+use super::flight_delay::main_pair;
 use super::{rows, table};
 use crate::number;
 use crate::text::{sentence, shown};
 use flight::{Clock, StampHealth};
 use maud::{Markup, html};
-use record::{DelayKind, DelayTermKind, FlightRecord, PairDelay, ReplayRecord};
+use record::{DelayKind, DelayPiece, DelayTermKind, FlightRecord, PairDelay, ReplayRecord};
 use serde::Serialize;
 
 /// An anomaly.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(super) struct Anomaly {
-    /// Seconds after the origin of the replay; `None` if unknown.
+    /// Seconds after the origin of the replay, or after the first position without one; `None` if unknown.
     pub(super) t_s: Option<f64>,
     /// Duration, s; 0 for an instant.
     pub(super) length_s: f64,
@@ -27,12 +28,11 @@ const MOST_OF_A_KIND: usize = 10;
 
 /// All anomalies of a flight in order of time. Those without a time come last.
 pub(super) fn of(record: &FlightRecord) -> Vec<Anomaly> {
-    let replay = record.drawable();
-    let pair = record.delays.as_ref().zip(replay).and_then(|(d, replay)| super::flight_delay::replayed(d, replay));
-    let mut all: Vec<Anomaly> = pair.zip(replay).map(|(pair, replay)| of_delay(pair, replay)).unwrap_or_default();
-    all.extend(replay.and_then(resets));
-    all.extend(gaps(record));
-    all.extend(damage(record));
+    let origin = Origin::of(record);
+    let mut all: Vec<Anomaly> = main_pair(record).map(|pair| of_delay(pair, origin)).unwrap_or_default();
+    all.extend(record.drawable().and_then(resets));
+    all.extend(gaps(record, origin));
+    all.extend(damage(record, origin));
     let order = |a: &Anomaly| a.t_s.unwrap_or(f64::INFINITY);
     all.sort_by(|a, b| order(a).total_cmp(&order(b)));
     all
@@ -44,11 +44,41 @@ pub(super) fn shift_s(pair: &PairDelay, replay: &ReplayRecord) -> Option<f64> {
     Some(origin.origin_ns.saturating_sub(replay.origin_ns) as f64 * 1e-9)
 }
 
-/// Changes of the delay, and fixes that arrived late or in bursts.
-fn of_delay(pair: &PairDelay, replay: &ReplayRecord) -> Vec<Anomaly> {
-    let Some(varies) = &pair.varies else { return vec![] };
-    let shift = shift_s(pair, replay);
+/// What the times of a page count from.
+#[derive(Clone, Copy)]
+struct Origin {
+    clock: Clock,
+    ns: i64,
+}
+
+impl Origin {
+    /// That of the replay; without one, the first timestamp of the position.
+    fn of(record: &FlightRecord) -> Option<Origin> {
+        if let Some(replay) = record.drawable() {
+            return Some(Origin { clock: replay.clock, ns: replay.origin_ns });
+        }
+        let position = record.lateness.as_ref()?.position.as_deref()?;
+        let channel = record.binding.as_ref()?.channels.iter().find(|c| c.name == position)?;
+        channel.stamps.as_ref().map(|stamps| Origin { clock: stamps.clock, ns: stamps.first_ns })
+    }
+
+    /// Seconds from it to a timestamp of this clock; `None` for another clock.
+    fn seconds_to(self, clock: Clock, stamp_ns: i64) -> Option<f64> {
+        (self.clock == clock).then(|| stamp_ns.saturating_sub(self.ns) as f64 * 1e-9)
+    }
+}
+
+/// Changes of the delay, resets that cut the fit, and fixes that arrived late or in bursts.
+fn of_delay(pair: &PairDelay, origin: Option<Origin>) -> Vec<Anomaly> {
+    let shift = origin.zip(pair.origin).and_then(|(origin, pair)| origin.seconds_to(pair.clock, pair.origin_ns));
     let one = |t_s: f64, kind, what: String| Anomaly { t_s: shift.map(|s| s + t_s), length_s: 0.0, kind, what };
+    let pieces = pair.delay.found().map_or(&[][..], |found| &found.pieces);
+    let is_reset = |piece: &&DelayPiece| piece.begun_by.starts_with("a reset");
+    let cuts = pieces.iter().filter(is_reset).take(MOST_OF_A_KIND);
+    let cuts =
+        cuts.map(|piece| one(piece.start_s, "position reset", format!("{}: the fit is cut there", piece.begun_by)));
+    let mut all: Vec<Anomaly> = cuts.collect();
+    let Some(varies) = &pair.varies else { return all };
     let terms = varies.terms.iter().take(MOST_OF_A_KIND).map(|term| match term.kind {
         DelayTermKind::Step => {
             one(term.at_s, "delay", format!("the delay jumps by {} ms", number::significant(1e3 * term.size, 2)))
@@ -72,7 +102,8 @@ fn of_delay(pair: &PairDelay, replay: &ReplayRecord) -> Vec<Anomaly> {
         let hold = number::significant(b.hold_s, 2);
         one(b.start_s, "burst", format!("{} at once after {hold} s", number::counted(b.fixes, "fix", "fixes")))
     });
-    terms.chain(late).chain(bursts).collect()
+    all.extend(terms.chain(late).chain(bursts));
+    all
 }
 
 /// Position resets: fixes that jump.
@@ -83,21 +114,15 @@ fn resets(replay: &ReplayRecord) -> Option<Anomaly> {
     (resets > 0).then_some(Anomaly { t_s: None, length_s: 0.0, kind: "position reset", what })
 }
 
-/// Seconds from the origin of the replay to a timestamp of this clock.
-fn since_origin(record: &FlightRecord, clock: Clock, stamp_ns: i64) -> Option<f64> {
-    let replay = record.drawable().filter(|replay| replay.clock == clock)?;
-    Some(stamp_ns.saturating_sub(replay.origin_ns) as f64 * 1e-9)
-}
-
 /// The longest gaps of the replayed channels, or of all channels if there is no replay.
-fn gaps(record: &FlightRecord) -> Vec<Anomaly> {
+fn gaps(record: &FlightRecord, origin: Option<Origin>) -> Vec<Anomaly> {
     let pair = record.drawable().map(|replay| &replay.pair);
     let is_used = |name: &str| {
         pair.is_none_or(|p| p.position == name || p.velocity == name || p.reference.as_deref() == Some(name))
     };
     let channels = record.binding.iter().flat_map(|b| &b.channels).filter(|c| is_used(&c.name));
     let of = |name: &str, stamps: &StampHealth| -> Vec<Anomaly> {
-        let start = since_origin(record, stamps.clock, stamps.first_ns);
+        let start = origin.and_then(|origin| origin.seconds_to(stamps.clock, stamps.first_ns));
         let gap = |gap: &flight::Gap| Anomaly {
             t_s: start.map(|s| s + gap.start_s),
             length_s: gap.length_s,
@@ -109,13 +134,14 @@ fn gaps(record: &FlightRecord) -> Vec<Anomaly> {
     channels.filter_map(|c| Some(of(&c.name, c.stamps.as_ref()?))).flatten().collect()
 }
 
-/// Damaged ranges of the log. They have a time if the first message and the replay use the same clock.
-fn damage(record: &FlightRecord) -> Vec<Anomaly> {
+/// Damaged ranges of the log. They have a time if the first message and the page use the same clock.
+fn damage(record: &FlightRecord, origin: Option<Origin>) -> Vec<Anomaly> {
     let Some(log) = &record.log else { return vec![] };
-    let clock = record.drawable().map(|replay| replay.clock);
-    let stamps = || log.topics.iter().flat_map(|t| &t.stamps);
-    let first_ns = stamps().filter(|s| Some(s.clock) == clock).map(|s| s.first_ns).min();
-    let start = first_ns.and_then(|ns| since_origin(record, clock?, ns));
+    let stamps = log.topics.iter().flat_map(|t| &t.stamps);
+    let start = origin.and_then(|origin| {
+        let first_ns = stamps.filter(|s| s.clock == origin.clock).map(|s| s.first_ns).min()?;
+        origin.seconds_to(origin.clock, first_ns)
+    });
     let one = |range: &flight::DamagedRange| Anomaly {
         t_s: start.zip(range.after_s()).map(|(start, after)| start + after),
         length_s: 0.0,
@@ -153,9 +179,15 @@ pub(super) fn section(record: &FlightRecord, all: &[Anomaly], has_explorer: bool
         }
     };
     let head = [Text("#"), Number("When (h:mm:ss)"), Text("What"), Text("Evidence")];
+    // Only what was looked for.
+    let without = match main_pair(record) {
+        Some(pair) if pair.varies.is_some() => ", no late fix, no position reset",
+        Some(pair) if pair.delay.found().is_some() => ", no position reset",
+        _ => "",
+    };
     html! {
         h2 id="anomalies" { "Anomalies" }
-        @if all.is_empty() { p { "None: no gap, no damage, no late fix, no position reset." (of_delay) } }
+        @if all.is_empty() { p { "None: no gap, no damage" (without) "." (of_delay) } }
         @else { (table("What is odd in this flight, in order of time; a time opens it in the explorer", &head, rows(&numbered, 60, head.len(), row))) }
     }
 }

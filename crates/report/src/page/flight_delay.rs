@@ -41,6 +41,11 @@ pub(super) fn of(record: &FlightRecord) -> Option<DelaySection<'_>> {
     Some(DelaySection { delays, replay, main })
 }
 
+/// The main pair of a flight: the one that is replayed, or else the one that the answer rests on.
+pub(super) fn main_pair(record: &FlightRecord) -> Option<&PairDelay> {
+    of(record)?.main
+}
+
 /// The pair that the replay compensates.
 pub(super) fn replayed<'a>(delays: &'a FlightDelays, replay: &ReplayRecord) -> Option<&'a PairDelay> {
     delays.pairs.iter().find(|p| is_replayed(p, replay))
@@ -137,7 +142,7 @@ fn pairs(pairs: &[PairDelay]) -> Markup {
         Text("Second"),
         Number("δ ± U (ms)"),
         Number("95 % interval (ms)"),
-        Number("Smallest detectable change (ms)"),
+        Number("Smallest detectable delay (ms)"),
         Number("Samples"),
         Text("What it means, or why it is missing"),
     ];

@@ -177,17 +177,26 @@ fn todo(record: &FlightRecord, lateness: &FlightLateness) -> Markup {
                 None => { "Nothing to set." }
             }
         }
-        @if !advice.set.is_empty() { "By this flight alone, set " (settings(advice)) "." }
+        @if !advice.set.is_empty() { "By this flight alone, set " (settings(advice)) "." (unsuitable(&advice.set)) }
         @if let Some(fly) = &advice.fly { @if tested.is_some() || !advice.set.is_empty() { " " } "To know more: " (ended(&uncapitalised(fly))) }
     }
 }
 
 fn settings(advice: &DelayAdvice) -> Markup {
     html! {
-        @for (i, s) in advice.set.iter().enumerate() {
+        @for (i, s) in advice.set.iter().filter(|s| !s.unsuitable).enumerate() {
             @if i > 0 { " or " }
             code { (shown(&s.name)) " = " (s.value) } @if s.unit == "ms" { " (ms)" }
             @if !s.note.is_empty() { " (" (shown(&s.note)) ")" }
+        }
+    }
+}
+
+/// ` GPS1_DELAY_MS cannot remove it: it takes 0 to 250 ms.` for each setting that cannot.
+pub(super) fn unsuitable(set: &[record::DelaySetting]) -> Markup {
+    html! {
+        @for s in set.iter().filter(|s| s.unsuitable) {
+            " " code { (shown(&s.name)) } " cannot remove it: " (shown(&s.note)) "."
         }
     }
 }
@@ -356,7 +365,14 @@ pub(super) fn effect_cells(row: &FlightRow) -> Markup {
         None => html! { td.n { "—" } },
     };
     html! {
-        (cell(effect.and_then(|e| e.error_raw_m.as_ref())))
+        @match effect.and_then(|e| Some((e.error_raw_m.as_ref()?, &e.judged_by))) {
+            Some((error, JudgedBy::Velocity(name))) => {
+                td data-v=(error.value) data-u=[expanded(error)] {
+                    (number::with_uncertainty(error)) ", if " code { (shown(name)) } " is on time"
+                }
+            }
+            error => { (cell(error.map(|(error, _)| error))) }
+        }
         (cell(effect.filter(|_| row.delay_s.is_some()).and_then(|e| e.error_compensated_m.as_ref())))
     }
 }

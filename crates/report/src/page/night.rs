@@ -23,19 +23,19 @@ pub fn night_site(record: &NightRecord, base: &str) -> Site {
         }
         main {
             h1 { (shown(&record.title)) ": " (shown(&record.run_id)) }
-            div.strip { (exit(record.exit)) }
+            div.strip { (exit(record)) }
             ul { @for line in &record.summary { li { (shown(line)) } } }
             (problems(record))
             h2 { "Campaigns" }
             (campaigns(&record.campaigns, base))
-            h2 { "What changed since " @match &record.before { Some(run) => { (shown(run)) } None => { "the beginning" } } }
-            @if is_empty(&record.changes) { p { "Nothing changed." } }
-            (sections(&record.changes, &names))
-            (left(record))
             (groups(record))
-            (settings(record, &names))
             h2 { "Trends" }
             (trends(record, &names, &mut site))
+            (settings(record, &names))
+            h2 { "What changed since " @match &record.before { Some(run) => { (shown(run)) } None => { "the beginning" } } }
+            @if is_empty(&record.changes) { p { "Nothing changed" @if let Some(unread) = unread(record) { " in the other campaigns. Unknown for " (shown(&unread)) } "." } }
+            (sections(&record.changes, &names))
+            (left(record))
             p.note {
                 "Files of this night: "
                 @for (i, name) in ["night.json", "summary.txt", "summary.json", "summary.md", "summary.xml"].iter().enumerate() {
@@ -58,9 +58,13 @@ fn link(campaign: &NightCampaign, base: &str) -> Markup {
     }
 }
 
-/// The exit code in words.
-fn exit(code: u8) -> Markup {
+/// The exit code in words. A campaign that could not be read is worse than what the code says of the others.
+fn exit(record: &NightRecord) -> Markup {
+    let code = record.exit;
     let (class, icon, word) = match code {
+        75 if record.campaigns.iter().any(|c| c.error.is_some()) => {
+            ("bad", "✗", "a campaign could not be read: run again")
+        }
         0 => ("ok", "✓", "all well"),
         3 => ("unsure", "▲", "finished, look at the list below"),
         4 => ("bad", "✗", "a criterion failed, a flight was harmed, or a setting did not do what was predicted"),
@@ -68,6 +72,12 @@ fn exit(code: u8) -> Markup {
         _ => ("bad", "✗", "a campaign failed"),
     };
     html! { (badge(class, icon, &format!("exit {code}: {word}"))) }
+}
+
+/// Names of the campaigns that could not be read.
+fn unread(record: &NightRecord) -> Option<String> {
+    let names: Vec<&str> = record.campaigns.iter().filter(|c| c.error.is_some()).map(|c| c.name.as_str()).collect();
+    (!names.is_empty()).then(|| names.join(", "))
 }
 
 fn problems(record: &NightRecord) -> Markup {

@@ -258,7 +258,7 @@ fn group_lateness(k: usize, rows: &[(usize, &FlightRow)]) -> GroupLateness {
                 value: mean.value,
                 unit: "s".into(),
                 note: String::new(),
-                out_of_range: false,
+                unsuitable: false,
             }],
             fly: None,
         },

@@ -4,6 +4,7 @@ use super::super::{badge, estimate, no_number};
 use super::attention::names;
 use super::members;
 use crate::number;
+use crate::page::lateness::unsuitable;
 use crate::text::{ended, shown};
 use crate::verdict::{AGREE_P, DIFFER_P, has_no_common_delay, in_millis, is_relative, source_phrase};
 use maud::{Markup, html};
@@ -87,7 +88,7 @@ fn card(group: &GroupLateness, rows: &[&FlightRow], other_logs: &[&str]) -> Mark
             }
             (other_receivers(group, rows))
             p { (removal(rows)) }
-            @if !group.advice.set.is_empty() { p { "To remove it, set " (settings(&group.advice.set)) "." } }
+            @if !group.advice.set.is_empty() { p { "To remove it, set " (settings(&group.advice.set)) "." (unsuitable(&group.advice.set)) } }
             (spark(rows, is_relative(group)))
         }
     }
@@ -252,10 +253,9 @@ fn short(rows: &[&FlightRow]) -> Markup {
 /// `position_s = 0.203 or GPS1_DELAY_MS = 203`.
 pub(super) fn settings(set: &[DelaySetting]) -> Markup {
     html! {
-        @for (i, s) in set.iter().enumerate() {
+        @for (i, s) in set.iter().filter(|s| !s.unsuitable).enumerate() {
             @if i > 0 { " or " }
             code { (shown(&s.name)) " = " (s.value) } @if s.unit == "ms" { " (ms)" }
-            @if s.out_of_range { ", which cannot be set: " (shown(&s.note)) }
         }
     }
 }

@@ -4,6 +4,7 @@ use super::attention::{names, varies};
 use super::group_cards::settings;
 use super::{is_harmed, members};
 use crate::number;
+use crate::page::lateness::unsuitable;
 use crate::text::{ended, shown};
 use crate::verdict::is_relative;
 use maud::{Markup, html};
@@ -61,39 +62,56 @@ fn set(group: &GroupLateness, flights: &[FlightRow]) -> Option<Action> {
     let is_alike = |row: &&FlightRow| row.delay_s.is_some() && !group.outliers.contains(&row.flight);
     let rows: Vec<&FlightRow> = members(group, flights).into_iter().filter(is_alike).collect();
     let (errors, is_short) = errors_now_and_then(group, &rows);
-    let saves_m = errors.iter().map(|[now, then]| now - then).sum::<f64>();
+    let saves_m = errors.iter().map(|[now, then, _]| now - then).sum::<f64>();
     let median = |k: usize| median(errors.iter().map(|e| e[k]).collect());
     let metres = median(0).zip(median(1)).filter(|(now, then)| then < now);
     let what = html! {
         "Set " (settings(&group.advice.set)) " for " b { bdi { (shown(&group.group.name)) } }
         @if is_short { " instead of what was removed" }
         @if let Some((now, then)) = metres {
-            ": error " (number::significant(now, 3)) " → " (number::significant(then, 2)) " m (" @if errors.len() > 1 { "median of " }
+            ": error " (number::significant(now, 3)) " → "
+            @match median(2) {
+                Some(bound) if bound >= 2.0 * then => { "below " (number::significant(bound, 2)) }
+                _ => { (number::significant(then, 2)) }
+            }
+            " m (" @if errors.len() > 1 { "median of " }
             (number::counted(errors.len() as u64, "flight", "flights")) ")"
         }
         @if !outliers.is_empty() { ". Not for " (names(&outliers)) ", which " @if outliers.len() == 1 { "differs" } @else { "differ" } }
-        "."
+        "." (unsuitable(&group.advice.set))
     };
     Some(Action { saves_m, what })
 }
 
-/// Error of each flight now and with the setting, m. "Now" is the error after removal if the removed delay is known to
+/// Smallest improvement for which a setting replaces what was removed, m.
+const WORTH_M: f64 = 0.05;
+
+/// Error of each flight now and with the setting, and what the latter is surely below (k = 2), m. "Now" is the error after removal if the removed delay is known to
 /// be too small or too large (the flag is then true), and otherwise the error of the log.
-fn errors_now_and_then(group: &GroupLateness, rows: &[&FlightRow]) -> (Vec<[f64; 2]>, bool) {
+fn errors_now_and_then(group: &GroupLateness, rows: &[&FlightRow]) -> (Vec<[f64; 3]>, bool) {
     let set_s = group.advice.set.iter().find(|setting| setting.unit == "s").map(|setting| setting.value);
     let own_s = |row: &FlightRow| row.lateness.as_ref()?.lateness_s().map(|own| own.value);
     let short = |row: &FlightRow, e: &Effect| {
         let best_m = e.short_by.and(e.best_m)?;
-        Some([e.error_compensated_m?.value, error_at(set_s?, best_m, own_s(row)?, e)?])
+        let after = e.error_compensated_m?;
+        let then = error_at(set_s?, best_m, own_s(row)?, e)?;
+        (after.value - then > WORTH_M).then(|| [after.value, then, then + expanded(&after)])
     };
     let logged = |row: &FlightRow, e: &Effect| {
-        Some([e.error_raw_m?.value, error_at(set_s?, e.error_compensated_m?.value, row.delay_s?, e)?])
+        let after = e.error_compensated_m?;
+        let then = error_at(set_s?, after.value, row.delay_s?, e)?;
+        Some([e.error_raw_m?.value, then, then + expanded(&after)])
     };
-    let of = |errors: &dyn Fn(&FlightRow, &Effect) -> Option<[f64; 2]>| -> Vec<[f64; 2]> {
+
+    let of = |errors: &dyn Fn(&FlightRow, &Effect) -> Option<[f64; 3]>| -> Vec<[f64; 3]> {
         rows.iter().filter_map(|row| errors(row, row.effect.as_ref()?)).collect()
     };
     let shorts = of(&short);
     if shorts.is_empty() { (of(&logged), false) } else { (shorts, true) }
+}
+
+fn expanded(error: &record::Estimate) -> f64 {
+    2.0 * error.standard_uncertainty.unwrap_or_default()
 }
 
 /// Median; for an even count, the mean of the two middle values.
