@@ -123,13 +123,7 @@ impl Channels<'_> {
     }
 }
 
-/// Lateness with its standard uncertainty, s. If no effect is named, it covers the results without each suspect, as the
-/// interval does: "300 ± 2 ms" beside an interval of 297 to 339 ms would be read as the former.
+/// Lateness with its standard uncertainty, s.
 fn value(isolation: &Isolation, at: usize) -> Estimate {
-    let value = isolation.adjustment.lateness_s[at];
-    let uncertainty_s = match isolation.alternatives.is_empty() {
-        true => isolation.uncertainty_s(at),
-        false => isolation.interval_s(at, K95).iter().map(|end| (end - value).abs()).fold(0.0, f64::max) / K95,
-    };
-    Estimate { value, standard_uncertainty: Some(uncertainty_s) }
+    Estimate { value: isolation.adjustment.lateness_s[at], standard_uncertainty: Some(isolation.uncertainty_s(at)) }
 }

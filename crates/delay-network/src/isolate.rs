@@ -16,7 +16,7 @@ pub(crate) struct Isolation {
     /// Suspects, one of which is wrong, in the order of the effects; empty unless undecided.
     pub(crate) suspects: Vec<usize>,
     /// Network with each suspect freed in turn.
-    pub(crate) alternatives: Vec<Adjustment>,
+    alternatives: Vec<Adjustment>,
     /// Factor on all uncertainties.
     pub(crate) birge: f64,
 }

@@ -214,7 +214,9 @@ mod tests {
     /// A group of logs without an autopilot name.
     fn group_in_seconds(name: &str, lateness_s: f64, datum: &str) -> GroupLine {
         let mut group = group(name, lateness_s, datum, "position_s");
-        group.set[0] = LineSetting { value: lateness_s, unit: "s".into(), ..group.set.remove(0) };
+        for set in &mut group.set {
+            (set.value, set.unit) = (lateness_s, "s".into());
+        }
         group
     }
 

@@ -337,6 +337,7 @@ fn record(
         left: made.left,
         groups: made.groups,
         new_trend_changes: new_changes(&earlier, &now),
+        withdrawn_trend_changes: new_changes(&now, &earlier),
         trend: with_changes(now),
         proofs: proofs(&all, &page),
         problems: made.problems,
@@ -360,7 +361,8 @@ fn code(record: &NightRecord) -> u8 {
     let is_failed = record.proofs.iter().any(|proof| proof.verdict == ProofVerdict::Fail);
     let proof = if is_failed { Exit::CriterionFailed } else { Exit::Well };
     let is_apart = record.groups.iter().any(|group| group.is_new);
-    let changed = !record.new_trend_changes.is_empty() || !record.changes.failing.is_empty() || is_apart;
+    let trends = [&record.new_trend_changes, &record.withdrawn_trend_changes];
+    let changed = trends.iter().any(|all| !all.is_empty()) || !record.changes.failing.is_empty() || is_apart;
     let incomplete = !record.problems.is_empty() || changed;
     let own = if incomplete { Exit::Incomplete } else { Exit::Well };
     let codes = record.campaigns.iter().map(|c| c.exit).chain([proof as u8, own as u8]);

@@ -117,7 +117,15 @@ fn alarms(record: &NightRecord) -> String {
     let codes: Vec<String> = codes.iter().map(|(code, count)| format!("{code} {count}")).collect();
     let codes = if codes.is_empty() { String::new() } else { format!(" ({})", codes.join(", ")) };
     let trend = match record.new_trend_changes.as_slice() {
-        [] => "no new change".to_owned(),
+        [] => match record.withdrawn_trend_changes.as_slice() {
+            [] => "no new change".to_owned(),
+            [first, ..] => format!(
+                "CHANGE WITHDRAWN of {}: {} at {}",
+                first.chart,
+                with_u(&first.change.step_s),
+                flight_name(&first.change.at)
+            ),
+        },
         [first, rest @ ..] => {
             let more = if rest.is_empty() { String::new() } else { format!(" and {} more", rest.len()) };
             let with = if first.change.with_it.is_empty() {
@@ -208,6 +216,7 @@ pub(crate) fn json(record: &NightRecord) -> String {
         "groups_whose_flights_differ": record.groups.len(),
         "advice_moved": changes.advice.len(),
         "new_trend_changes": record.new_trend_changes.len(),
+        "withdrawn_trend_changes": record.withdrawn_trend_changes.len(),
         "proofs_failed": record.proofs.iter().filter(|proof| proof.verdict == ProofVerdict::Fail).count(),
         "problems": record.problems.len(),
     });
@@ -384,6 +393,7 @@ pub(crate) mod tests {
             groups: vec![],
             left: vec![LeftLog { campaign: "uav".into(), path: "w.bin".into(), reason: "still being written".into() }],
             new_trend_changes: vec![],
+            withdrawn_trend_changes: vec![],
             trend: TrendRecord::default(),
             proofs: vec![],
             problems: vec![],
@@ -427,7 +437,7 @@ pub(crate) mod tests {
             [
                 "Night 2026-11-25T220000Z: exit 3; 1 campaign, 0 flights, 1 new, 0 rerun, 0 gone, 1 left for the next night",
                 "Moved by more than 2 sigma: 1; the most: uav/m.bin lateness 118.0 ± 4.0 ms → 131.0 ± 4.0 ms (+4.6 sigma; log)",
-                "Newly failing: 1: uav/<b>&.bin: failed: b.bin: byte 12: no frame; 0 recovered",
+                "Newly failing: 1: uav/<b>&.bin: failed: b.bin: byte 12: no frame; no longer failing: 0",
                 "Alarms: 0 new, 0 cleared; remarks: 0 new; trend: no new change",
                 "Settings: no parameter change is recommended or awaits proof",
             ]

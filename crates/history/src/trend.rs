@@ -322,6 +322,20 @@ mod tests {
     }
 
     #[test]
+    fn a_change_that_later_flights_do_not_support_is_withdrawn() {
+        let rows = fleet();
+        let night = charts(&rows[..30]);
+        // The flights after the change are measured again, at the level before it.
+        let mut again = rows[..30].to_vec();
+        again.iter_mut().skip(24).for_each(|row| row.lateness_s = row.lateness_s.map(|late| late - 0.020));
+        let next = charts(&again);
+        let withdrawn = new_changes(&next, &night);
+        assert_eq!(withdrawn.len(), 2, "{withdrawn:?}");
+        assert_eq!(withdrawn[0].change.at.flight, "24.bin");
+        assert!(new_changes(&night, &next).is_empty() && new_changes(&night, &night).is_empty());
+    }
+
+    #[test]
     fn another_datum_has_its_own_chart_and_copies_are_excluded() {
         let mut rows = fleet();
         rows.iter_mut().take(10).for_each(|row| row.datum = Some("reference".into()));

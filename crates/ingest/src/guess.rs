@@ -190,8 +190,10 @@ fn with_bodies<'l>(
     reasons.extend(unsure.iter().cloned());
     let guess = write::map(&GuessedChannels { places, motions, bodies }, &reasons, several);
     let unsure = unsure.iter().map(|why| format!("; not bound: {why}"));
-    let notes: Vec<String> = unsure.chain(other_starts.map(|note| format!("; {note}"))).collect();
-    Guess { summary: guess.summary + &notes.concat(), ..guess }
+    let notes: Vec<String> = unsure.collect();
+    // What makes every delay uncertain comes first.
+    let first = other_starts.map_or(String::new(), |note| format!("{note}. "));
+    Guess { summary: first + &guess.summary + &notes.concat(), ..guess }
 }
 
 /// Tables whose time begins at zero in their own first row and that have different durations. They may have started at

@@ -433,6 +433,9 @@ pub struct NightRecord {
     pub groups: Vec<NightGroup>,
     /// Trend changes that the previous nightly run did not show, with the chart: `receiver u-blox M8`.
     pub new_trend_changes: Vec<NewTrendChange>,
+    /// Trend changes that the previous nightly run showed and that the flights do not support any more.
+    #[serde(default)]
+    pub withdrawn_trend_changes: Vec<NewTrendChange>,
     /// Charts with a change, and how many charts there are.
     pub trend: TrendRecord,
     /// Recommended settings and their effect on later flights.
@@ -441,7 +444,7 @@ pub struct NightRecord {
     pub problems: Vec<String>,
 }
 
-/// A new change of a trend.
+/// A new or withdrawn change of a trend.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct NewTrendChange {

@@ -207,6 +207,14 @@ fn settings(record: &NightRecord, names: &Names<'_>) -> Markup {
 fn trends(record: &NightRecord, names: &Names<'_>, site: &mut Site) -> Markup {
     html! {
         @if record.new_trend_changes.is_empty() { p { "No new change." } }
+        @for old in &record.withdrawn_trend_changes {
+            p.why.unsure {
+                b { "Withdrawn: " (shown(&old.chart)) } ": " (estimate(&in_millis(&old.change.step_s))) " ms from "
+                (names.flight(&old.change.at)) " on, of the previous night. With the flights since then it is no "
+                "longer significant. A single flight that is far off can do this: see "
+                code { "flightlag trend" } "."
+            }
+        }
         @for new in &record.new_trend_changes {
             p.why.unsure {
                 b { "New: " (shown(&new.chart)) } ": " (estimate(&in_millis(&new.change.step_s))) " ms from "
