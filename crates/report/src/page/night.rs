@@ -29,13 +29,15 @@ pub fn night_site(record: &NightRecord, base: &str) -> Site {
             h2 { "Campaigns" }
             (campaigns(&record.campaigns, base))
             (groups(record))
-            h2 { "Trends" }
-            (trends(record, &names, &mut site))
+            (new_trends(record, &names))
             (settings(record, &names))
             h2 { "What changed since " @match &record.before { Some(run) => { (shown(run)) } None => { "the beginning" } } }
             @if is_empty(&record.changes) { p { "Nothing changed" @if let Some(unread) = unread(record) { " in the other campaigns. Unknown for " (shown(&unread)) } "." } }
             (sections(&record.changes, &names))
             (left(record))
+            h2 { "Trends" }
+            @if record.new_trend_changes.is_empty() { p { "No new change." } }
+            (super::trend::charts(&record.trend, &names, &mut site))
             p.note {
                 "Files of this night: "
                 @for (i, name) in ["night.json", "summary.txt", "summary.json", "summary.md", "summary.xml"].iter().enumerate() {
@@ -204,9 +206,11 @@ fn settings(record: &NightRecord, names: &Names<'_>) -> Markup {
     }
 }
 
-fn trends(record: &NightRecord, names: &Names<'_>, site: &mut Site) -> Markup {
+/// Changes of trends that the night before did not show, or that this one shows no more.
+fn new_trends(record: &NightRecord, names: &Names<'_>) -> Markup {
+    let is_known = record.new_trend_changes.is_empty() && record.withdrawn_trend_changes.is_empty();
     html! {
-        @if record.new_trend_changes.is_empty() { p { "No new change." } }
+        @if !is_known { h2 { "Trends that changed" } }
         @for old in &record.withdrawn_trend_changes {
             p.why.unsure {
                 b { "Withdrawn: " (shown(&old.chart)) } ": " (estimate(&in_millis(&old.change.step_s))) " ms from "
@@ -223,6 +227,5 @@ fn trends(record: &NightRecord, names: &Names<'_>, site: &mut Site) -> Markup {
                 "."
             }
         }
-        (super::trend::charts(&record.trend, names, site))
     }
 }
