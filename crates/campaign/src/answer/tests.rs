@@ -228,3 +228,20 @@ fn advice_states_the_values_in_the_logs_and_what_cannot_be_set() {
     let beyond = of_parameter(0.261, &same);
     assert_eq!((beyond.value, beyond.note.as_str(), beyond.unsuitable), (261.0, "it takes 0 to 250 ms", true));
 }
+
+/// A parameter of the autopilot shifts position and velocity. If it is no setting for one flight, it is none for all.
+#[test]
+fn a_parameter_that_would_shift_an_on_time_velocity_is_no_setting() {
+    let flight = |note: &str, unsuitable: bool| {
+        let (name, unit) = ("GPS_DELAY_MS".into(), "ms".into());
+        let set = vec![DelaySetting { name, value: 201.0, unit, note: note.into(), unsuitable }];
+        FlightLateness { advice: DelayAdvice { set, fly: None }, ..unknown("k") }
+    };
+    let note = "it also shifts velocity.gps, which is −5 ± 16 ms late";
+    let flights = [flight("it is 0 in this log", false), flight(note, true)];
+    let lateness_s = Estimate { value: 0.201, standard_uncertainty: Some(0.008) };
+    let set = &crate::answer::advice_for(&lateness_s, &flights.iter().collect::<Vec<_>>()).set[0];
+    assert!(set.unsuitable && set.note == note, "{set:?}");
+    let set = &crate::answer::advice_for(&lateness_s, &[&flights[0]]).set[0];
+    assert!(!set.unsuitable, "{set:?}");
+}
