@@ -27,6 +27,7 @@ use record::{
     FlightCriteria, FlightRecord, FlightRow, Limit, PassRate, RowVerdict, RowVerdicts, VerdictTally,
 };
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// The commented example, compiled in: `pipelines/criteria.toml`.
@@ -148,10 +149,16 @@ impl Criteria {
 pub(crate) fn row_verdicts(criteria: &FlightCriteria) -> RowVerdicts {
     let words = |f: &CriterionFinding| match f.verdict {
         CriterionVerdict::Fail => report::criterion_sentence(f),
+        CriterionVerdict::NotEvaluated => f.reason.clone(),
         _ => String::new(),
     };
     let short = |f: &CriterionFinding| RowVerdict { id: f.id.clone(), verdict: f.verdict, words: words(f) };
     RowVerdicts { overall: criteria.overall(), each: criteria.findings.iter().map(short).collect() }
+}
+
+/// Whether it applies to some flight, and no flight has the number.
+fn never_evaluated(tally: &VerdictTally) -> bool {
+    tally.not_evaluated > 0 && tally.pass + tally.fail + tally.inconclusive == 0
 }
 
 fn rate_of_tally(tally: &VerdictTally) -> Option<PassRate> {
@@ -219,9 +226,20 @@ impl Criterion {
             metric: self.written.metric.clone(),
             limit: self.limit_text(),
             pass_rate: rate_of_tally(&tally),
+            never_evaluated: never_evaluated(&tally).then(|| self.most_frequent_reason(flights)),
             tally,
             failed,
         }
+    }
+
+    /// Why flights were not evaluated.
+    fn most_frequent_reason(&self, flights: &[(&str, &RowVerdicts)]) -> String {
+        let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+        let each = flights.iter().flat_map(|(_, verdicts)| &verdicts.each);
+        for one in each.filter(|v| v.id == self.written.id && v.verdict == CriterionVerdict::NotEvaluated) {
+            *counts.entry(&one.words).or_default() += 1;
+        }
+        counts.into_iter().max_by_key(|(_, count)| *count).map_or_else(String::new, |(reason, _)| reason.to_owned())
     }
 
     /// The limit as in the file: `≤ 150 ms`.

@@ -66,7 +66,7 @@ pub struct Verdict {
 
 impl Verdict {
     /// 4 if a flight fails a criterion or was harmed; else 3 if some failed, lost data, have a changing delay or an
-    /// unusable reference file; else 0.
+    /// unusable reference file, or if no flight has the number of a criterion; else 0.
     #[must_use]
     pub fn exit(&self) -> Exit {
         if self.totals.harmed > 0 || self.criteria.as_ref().is_some_and(|c| c.flights.fail > 0) {
@@ -74,7 +74,8 @@ impl Verdict {
         }
         let CampaignTotals { failed, lossy, varying, .. } = self.totals;
         let lacks_reference = self.lines.iter().any(DelayLine::lacks_reference);
-        let whole = failed == 0 && lossy == 0 && varying == 0 && self.troubled == 0 && !lacks_reference;
+        let unjudged = self.criteria.iter().flat_map(|c| &c.each).any(|c| c.never_evaluated.is_some());
+        let whole = failed == 0 && lossy == 0 && varying == 0 && self.troubled == 0 && !lacks_reference && !unjudged;
         if whole { Exit::Well } else { Exit::Incomplete }
     }
 }

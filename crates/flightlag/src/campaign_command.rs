@@ -173,7 +173,7 @@ fn print_verdict(verdict: &Verdict, out: &Path, arguments: &RunArguments) -> Res
 /// Maximum number of failing flights named in a line; the page lists all.
 const MOST_NAMES: usize = 3;
 
-/// A line for all flights, and one for each criterion that some flight fails.
+/// A line for all flights, and one for each criterion that some flight fails or that no flight answers.
 fn print_criteria(criteria: &CampaignCriteria, arguments: &RunArguments) -> Result<(), Failure> {
     say(arguments, &format!("criteria, flights by worst verdict: {}", tally(&criteria.flights)))?;
     for failed in criteria.each.iter().filter(|each| each.tally.fail > 0) {
@@ -184,6 +184,11 @@ fn print_criteria(criteria: &CampaignCriteria, arguments: &RunArguments) -> Resu
         };
         let CriterionSummary { id, metric, limit, .. } = failed;
         say(arguments, &format!("  FAIL {id} ({metric} {limit}): {}{more}", names.join(", ")))?;
+    }
+    for CriterionSummary { id, metric, limit, never_evaluated, .. } in &criteria.each {
+        if let Some(reason) = never_evaluated {
+            say(arguments, &format!("  NOT EVALUATED for any flight: {id} ({metric} {limit}): {reason}"))?;
+        }
     }
     Ok(())
 }

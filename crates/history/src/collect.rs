@@ -8,7 +8,7 @@ use crate::row::Row;
 use crate::schema::nanoseconds;
 use campaign::DelayLine;
 use flight::About;
-use record::{CampaignRecord, FlightRow, GroupLateness, InputFile, RECORD_VERSION};
+use record::{CampaignRecord, CriterionVerdict, FlightRow, GroupLateness, InputFile, RECORD_VERSION};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -63,7 +63,11 @@ pub fn collect(record: &CampaignRecord, report: &Path, with: &Collecting<'_>) ->
 pub fn texts_of(record: &CampaignRecord, campaign: &str) -> Texts {
     let of = |flight: &FlightRow| {
         let alarms = DelayLine::of_row(flight).alarms.into_iter().map(|alarm| (alarm.code, alarm.text));
-        let failed = flight.criteria.iter().flat_map(|criteria| &criteria.each).filter(|one| !one.words.is_empty());
+        let failed = flight
+            .criteria
+            .iter()
+            .flat_map(|criteria| &criteria.each)
+            .filter(|one| one.verdict == CriterionVerdict::Fail);
         let criteria = failed.map(|one| (failed_criterion(&one.id), one.words.clone()));
         let effect = flight.effect.as_ref().map(|effect| (HARMED.to_owned(), effect.words.clone()));
         let mut texts = BTreeMap::new();

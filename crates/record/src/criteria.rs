@@ -218,7 +218,7 @@ pub struct RowVerdict {
     pub id: String,
     /// Its verdict.
     pub verdict: CriterionVerdict,
-    /// The verdict in a sentence with the value and the limit, if it fails.
+    /// If it fails: the verdict in a sentence with the value and the limit. If it was not evaluated: why.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub words: String,
 }
@@ -253,6 +253,9 @@ pub struct CriterionSummary {
     pub pass_rate: Option<PassRate>,
     /// Flights that fail, by name.
     pub failed: Vec<String>,
+    /// The most frequent reason if it applies to some flight, and no flight has the number.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub never_evaluated: Option<String>,
 }
 
 /// The criteria over all flights.

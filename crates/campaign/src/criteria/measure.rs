@@ -130,7 +130,7 @@ impl<'a> Subject<'a> {
         let name = self.channel.unwrap_or_default();
         let binding = self.record.binding.as_ref().ok_or_else(|| no_replay(self.record))?;
         let found = binding.channels.iter().find(|c| c.name == name);
-        found.ok_or_else(|| format!("this flight has no channel {name}"))
+        found.ok_or_else(|| format!("this flight has no channel {name}; it has {}", names(&binding.channels)))
     }
 
     fn rate(&self, channel: &str) -> Result<Reading, String> {
@@ -192,12 +192,23 @@ impl<'a> Subject<'a> {
         let mut of_replay = fitting.iter().filter(replayed);
         match (fitting.as_slice(), of_replay.next(), of_replay.next()) {
             ([], ..) if record.binding.is_none() => Err(no_replay(record)),
-            ([], ..) => Err("this flight has no such pair of channels".to_owned()),
+            ([], ..) => Err(self.no_pair(kind, all)),
             ([only], ..) | (_, Some(only), None) => Ok(only),
             (several, ..) => {
                 let names: Vec<String> = several.iter().map(|p| format!("{} against {}", p.first, p.second)).collect();
                 Err(format!("several pairs fit; name one with channel and against: {}", names.join("; ")))
             }
+        }
+    }
+
+    /// Which pairs of this kind there are instead.
+    fn no_pair(&self, kind: DelayPairKind, all: &[PairDelay]) -> String {
+        let asked: Vec<&str> = [self.channel, self.against].into_iter().flatten().collect();
+        let of_kind = all.iter().filter(|p| p.kind == kind);
+        let pairs: Vec<String> = of_kind.map(|p| format!("{} against {}", p.first, p.second)).collect();
+        match (asked.is_empty(), pairs.is_empty()) {
+            (true, _) | (_, true) => "this flight has no such pair of channels".to_owned(),
+            _ => format!("this flight has no pair of {}; it has {}", asked.join(" against "), pairs.join("; ")),
         }
     }
 
@@ -316,6 +327,10 @@ impl<'a> Subject<'a> {
         let v = bench.standard_uncertainty.ok_or_else(|| unknown("of the bench"))?;
         Ok(Reading::plain((found.value - bench.value).abs() / (2.0 * u.hypot(v))))
     }
+}
+
+fn names(channels: &[ChannelHealth]) -> String {
+    channels.iter().map(|c| c.name.as_str()).collect::<Vec<_>>().join(", ")
 }
 
 /// Whether a pair is the replayed one, or compares one of its channels with another.

@@ -2,7 +2,7 @@
 
 use super::metric::METRICS;
 use super::{Criteria, DEMO_CRITERIA, EXAMPLE_CRITERIA, Takes, row_verdicts};
-use record::{CriterionFinding, CriterionVerdict, Estimate, FlightRecord, Limit, VerdictTally};
+use record::{CriterionFinding, CriterionVerdict, Estimate, FlightRecord, FlightRow, Limit, VerdictTally};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -430,7 +430,8 @@ fn a_criterion_can_name_another_pair() {
     assert_eq!(of("against = \"velocity.ekf\"").value.unwrap().value, 0.4, "the replayed one of two");
     let missing = of("channel = \"position.none\"");
     assert_eq!(missing.verdict, CriterionVerdict::NotEvaluated);
-    assert!(missing.reason.contains("no such pair"), "{}", missing.reason);
+    let rest = missing.reason.strip_prefix("this flight has no pair of position.none; it has ").unwrap();
+    assert!(rest.contains("position.ins against "), "{rest}");
 }
 
 #[test]
@@ -527,20 +528,14 @@ fn a_campaign_counts_flights_by_criterion_and_by_worst_verdict() {
         one("delay", "at_most = \"421 ms\"")
     ))
     .unwrap();
-    let row = |name: &str, delay: f64, restarts: u64| {
+    let flown = |name: &str, delay: f64, restarts: u64| {
         let mut json = record_json();
         let found = shifted(delay - 0.4);
         json["delays"]["pairs"][0]["delay"] = found;
         json["replay"]["coverage"]["restarts"] = json!(restarts);
-        let judged = criteria.judge(name, &serde_json::from_value(json).unwrap());
-        let row = json!({ "flight": name, "key": "", "page": "", "outcome": "compensated", "lossy": false, "format": "",
-            "map": null, "bytes": 0, "duration_s": null, "position": null, "velocity": null, "position_rate_hz": null,
-            "velocity_rate_hz": null, "speed_median_mps": null, "delay_s": null, "correction_rms_m": null,
-            "raw_error_rms_m": null, "pade_error_rms_m": null, "exact_error_rms_m": null, "valid_share": null,
-            "attention": [], "warnings": 0, "losses": 0, "criteria": row_verdicts(&judged) });
-        serde_json::from_value(row).unwrap()
+        row(&criteria, name, json)
     };
-    let rows = [row("pass", 0.4, 0), row("late", 0.5, 0), row("unsure", 0.41, 0), row("both", 0.5, 9)];
+    let rows = [flown("pass", 0.4, 0), flown("late", 0.5, 0), flown("unsure", 0.41, 0), flown("both", 0.5, 9)];
     let summary = criteria.summary(&rows);
     let tally = VerdictTally { pass: 1, fail: 2, inconclusive: 1, ..VerdictTally::default() };
     assert_eq!(summary.flights, tally);
@@ -551,4 +546,25 @@ fn a_campaign_counts_flights_by_criterion_and_by_worst_verdict() {
         ("≤ 421 ms", &vec!["late".into(), "both".into()])
     );
     assert_eq!(summary.each[1].tally, VerdictTally { pass: 3, fail: 1, ..VerdictTally::default() });
+    assert!(summary.each.iter().all(|each| each.never_evaluated.is_none()));
+}
+
+#[test]
+fn a_criterion_for_a_misspelt_channel_is_reported_as_never_evaluated() {
+    let criteria = parse(&one("channel-rate", "at_least = \"4 Hz\"\nchannel = \"position.gsp\"")).unwrap();
+    let rows = [row(&criteria, "first", record_json()), row(&criteria, "second", record_json())];
+    let summary = criteria.summary(&rows);
+    let reason = summary.each[0].never_evaluated.as_deref().unwrap();
+    assert!(reason.starts_with("this flight has no channel position.gsp; it has position.gps"), "{reason}");
+}
+
+/// The row of a flight with the verdicts on its record.
+fn row(criteria: &Criteria, name: &str, record: Value) -> FlightRow {
+    let judged = criteria.judge(name, &serde_json::from_value(record).unwrap());
+    let row = json!({ "flight": name, "key": "", "page": "", "outcome": "compensated", "lossy": false, "format": "",
+        "map": null, "bytes": 0, "duration_s": null, "position": null, "velocity": null, "position_rate_hz": null,
+        "velocity_rate_hz": null, "speed_median_mps": null, "delay_s": null, "correction_rms_m": null,
+        "raw_error_rms_m": null, "pade_error_rms_m": null, "exact_error_rms_m": null, "valid_share": null,
+        "attention": [], "warnings": 0, "losses": 0, "criteria": row_verdicts(&judged) });
+    serde_json::from_value(row).unwrap()
 }

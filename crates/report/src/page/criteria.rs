@@ -224,6 +224,10 @@ pub(super) fn campaign_section(criteria: &CampaignCriteria, matrix: Markup) -> M
     html! {
         h2 id="criteria" { "Criteria" }
         p.answer { (flights_sentence(criteria)) }
+        @for of in criteria.each.iter().take(MOST_ROWS) { @if let Some(reason) = &of.never_evaluated {
+            p { (verdict_badge(CriterionVerdict::NotEvaluated, None)) " No flight has the number of " b { (shown(&of.title)) }
+                ": " (ended(reason)) }
+        } }
         div.strip role="group" aria-label="Flights by their most severe verdict" { (counts(&criteria.flights)) }
         (matrix)
         (table("Flights by verdict", &head, rows(&criteria.each, MOST_ROWS, head.len(), summary_row)))

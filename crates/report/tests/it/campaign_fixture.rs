@@ -302,6 +302,7 @@ fn criteria(rows: &[FlightRow]) -> CampaignCriteria {
             limit: "≤ 150 ms".into(),
             pass_rate: rate(&tally),
             failed: rows.iter().filter(|r| of(r) == CriterionVerdict::Fail).map(|r| r.flight.clone()).collect(),
+            never_evaluated: None,
             tally,
         }
     };

@@ -125,13 +125,18 @@ fn a_campaign_shows_pass_rates_with_intervals_and_flight_verdicts() {
         limit: "≤ 150 ms".into(),
         tally,
         pass_rate,
+        never_evaluated: None,
         failed: failed.clone(),
     };
-    record.criteria = Some(CampaignCriteria { criteria: used(), flights: tally, pass_rate, each: vec![summary("a")] });
+    let reason = "this flight has no channel position.gsp".to_owned();
+    let each = vec![summary("a"), CriterionSummary { never_evaluated: Some(reason), ..summary("b") }];
+    record.criteria = Some(CampaignCriteria { criteria: used(), flights: tally, pass_rate, each });
     let html = String::from_utf8(campaign_site(&record, &[]).files["index.html"].clone()).unwrap();
     read(&html);
     let text = words(&html);
     assert!(text.contains("3 of 4 judged flights meet every criterion that applies: 75 % (30 to 95 %)."), "{text}");
+    let never = "NOT EVALUATED No flight has the number of asked in b: this flight has no channel position.gsp.";
+    assert!(text.contains(never) && !text.contains("the number of asked in a"), "{text}");
     assert!(text.contains("✗ FAIL 1/2") && text.contains("✓ PASS 2/2"), "{text}");
     assert!(text.contains(&format!("75 % (30 to 95 %){}", failed[0])), "{text}");
 }
