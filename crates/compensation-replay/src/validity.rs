@@ -1,6 +1,6 @@
 //! Where a compensator helps, and the share of a flight there.
 
-use crate::compensator::PadeForm;
+use crate::compensator::{ModalFilter, PadeForm};
 use nalgebra::Complex;
 use signal::{Spectrum, power_spectrum};
 use std::f64::consts::TAU;
@@ -10,6 +10,13 @@ use std::f64::consts::TAU;
 pub enum DelayModel<'a> {
     /// `R = P/Q`.
     Pade(&'a PadeForm),
+    /// A Padé form as a loop runs it: `R = 1 − jω H(e^{jωh})`, H its response in steps of h. Valid below `1/(2h)`.
+    Loop {
+        /// The filter; its own delay is the one that is removed.
+        filter: &'a ModalFilter,
+        /// Interval of the loop h, s.
+        step_s: f64,
+    },
     /// `e^{−s Td}`: exact FIR and exact asynchronous.
     Exact,
 }
@@ -121,6 +128,9 @@ pub fn compensation_error(model: DelayModel<'_>, delays: Delays, hz: f64) -> (f6
     let late = |s: f64| Complex::from_polar(1.0, -TAU * hz * s);
     let stand_in = match model {
         DelayModel::Pade(form) => form.delay_at(hz * delays.compensator_s),
+        DelayModel::Loop { filter, step_s } => {
+            Complex::from(1.0) - Complex::new(0.0, TAU * hz) * filter.response(TAU * hz * step_s, step_s)
+        }
         DelayModel::Exact => late(delays.compensator_s),
     };
     let one = Complex::new(1.0, 0.0);
@@ -164,6 +174,8 @@ fn crossing(model: DelayModel<'_>, delays: Delays, share: f64) -> Crossing {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::compensator::{CompensatorKind, VelocityFilter};
+    use record::StartRule;
 
     fn band(m: usize, n: usize, factor: f64) -> ValidityBand {
         let form = PadeForm::new(m, n).unwrap();
@@ -178,6 +190,39 @@ mod tests {
         // Closed form: sin(x/2 − atan(x/2)) = 0.1 sin(x/2) at f1.
         let half = std::f64::consts::PI * found.helps_below_hz.unwrap() * 0.4;
         assert!(((half - half.atan()).sin() - 0.1 * half.sin()).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_loop_that_holds_the_velocity_helps_much_less_far() {
+        let band = |name: &str, step_s: f64| {
+            let filter = name.parse::<CompensatorKind>().unwrap().filter(0.4).unwrap();
+            let model = DelayModel::Loop { filter: &filter, step_s };
+            ValidityBand::of(model, Delays::of_position(0.4), 0.1).unwrap().helps_below_hz.unwrap()
+        };
+        // Holding for h delays the velocity by h/2, which costs ωh/2 of the raw error: a tenth at 1/(10 π h).
+        let expected = 1.0 / (10.0 * std::f64::consts::PI * 0.05);
+        let held = band("pade-2-2-zoh", 0.05);
+        assert!((held - expected).abs() < 0.05 * expected, "{held} {expected}");
+        // Fast loops approach the continuous filter.
+        let form = PadeForm::new(2, 2).unwrap();
+        let continuous = ValidityBand::of(DelayModel::Pade(&form), Delays::of_position(0.4), 0.1).unwrap();
+        let fast = band("pade-2-2-foh", 1e-3);
+        assert!((fast - continuous.helps_below_hz.unwrap()).abs() < 2e-3, "{fast} {continuous:?}");
+    }
+
+    #[test]
+    fn the_response_in_a_loop_is_what_the_filter_does() {
+        // 30 s of a tone of 0.5 Hz through the filter itself, 50 ms apart.
+        let mut filter = "pade-2-2-zoh".parse::<CompensatorKind>().unwrap().filter(0.4).unwrap();
+        let (omega, h) = (TAU * 0.5, 0.05);
+        let response = filter.response(omega * h, h);
+        filter.start(1.0, StartRule::Warm, h);
+        for k in 1..600 {
+            let phase = omega * h * f64::from(k);
+            let found = filter.step(h, phase.cos());
+            let expected = (response * Complex::from_polar(1.0, phase)).re;
+            assert!(k < 400 || (found - expected).abs() < 1e-9, "{k}: {found} {expected}");
+        }
     }
 
     #[test]

@@ -4,7 +4,7 @@ use crate::arguments::CompensatorArguments;
 use crate::failure::{End, Failure};
 use campaign::Exit;
 use compensation_replay::{
-    CExport, CFloat, CompensatorError, CompensatorKind, DelayModel, Delays, MeasuredAgainst, PadeForm, ValidityBand,
+    CExport, CFloat, CompensatorError, CompensatorKind, DelayModel, Delays, MeasuredAgainst, ValidityBand,
     autopilot_advice, export_c,
 };
 use flight::Delay;
@@ -88,11 +88,11 @@ fn delay_of(arguments: &CompensatorArguments) -> Result<Delay, String> {
     }
 }
 
-/// Up to which motion frequency it helps, and from which on it harms.
+/// Up to which motion frequency it helps in this loop, and from which on it harms.
 fn band(kind: CompensatorKind, delay_s: f64, step_s: f64) -> Option<String> {
-    let CompensatorKind::Pade { m, n, .. } = kind else { return None };
-    let form = PadeForm::new(m, n).ok()?;
-    let band = ValidityBand::of(DelayModel::Pade(&form), Delays::of_position(delay_s), HELP)?;
+    let filter = kind.filter(delay_s).ok()?;
+    let model = DelayModel::Loop { filter: &filter, step_s };
+    let band = ValidityBand::of(model, Delays::of_position(delay_s), HELP)?;
     // A loop cannot see motion above half its rate.
     let nyquist_hz = 0.5 / step_s;
     let up_to = |hz: Option<f64>| match hz {
@@ -106,7 +106,8 @@ fn band(kind: CompensatorKind, delay_s: f64, step_s: f64) -> Option<String> {
         Some(hz) => format!("worse than raw from {hz:.2} Hz on"),
     };
     Some(format!(
-        "removes 90 % of the error {}, half of it {}, {worse} (velocity on time, position not held)",
+        "in a loop of {step_s} s: removes 90 % of the error {}, half of it {}, {worse} (velocity on time, a new position \
+         in every step; a position that is held lags by its age)",
         up_to(band.helps_below_hz),
         up_to(band.halves_below_hz)
     ))

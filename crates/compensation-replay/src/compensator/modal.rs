@@ -136,6 +136,15 @@ impl ModalFilter {
         (real(b), real(poles(None)))
     }
 
+    /// `H(e^{jωh})`: displacement over velocity, s, for motion of the angle `ωh` per step of `h` seconds.
+    pub(crate) fn response(&self, angle: f64, h: f64) -> Complex<f64> {
+        let before = Complex::from_polar(1.0, -angle);
+        let mode = |(gains, share): (StepGains, Complex<f64>)| {
+            share * (gains.now + gains.before * before) / (Complex::from(1.0) - gains.decay * before)
+        };
+        self.gains_at(h).into_iter().flat_map(both).map(mode).sum()
+    }
+
     fn set_step(&mut self, h: f64) {
         self.step_s = h;
         for mode in &mut self.modes {

@@ -319,8 +319,13 @@ fn of_filter(export: &CExport, body: &Body) -> String {
         CompensatorKind::Pade { m, n, rule } => format!("Pade [{m}/{n}], {}", rule.name()),
         other => other.to_string(),
     };
-    let step = format!("step   {} s, fixed: call step once per {} s", export.step_s, export.step_s);
-    provenance(export, &title, &[step], &body.method)
+    let usage = [
+        format!("step   {} s, fixed: call step once per {} s", export.step_s, export.step_s),
+        "fixes  Td is the age of a position on arrival. One that is held grows older until the next arrives:"
+            .to_owned(),
+        "       where that matters, use exact-async, which takes the age of each fix.".to_owned(),
+    ];
+    provenance(export, &title, &usage, &body.method)
 }
 
 /// The comment at the top of both files.
