@@ -109,8 +109,8 @@ pub(crate) fn change_points(x: &[f64], u: &[f64], looks: Looks) -> ChangePoints 
         }
         Looks::Every => is_long_enough.then(|| threshold_of_every_look(u.len())),
     };
-    let changes =
-        threshold.map_or(vec![], |penalty| supported(&sums, refined(&sums, segmentation(&sums, &places, penalty))));
+    let changes = threshold
+        .map_or(vec![], |penalty| supported(&sums, refined(&sums, segmentation(&sums, &places, penalty)), penalty));
     let ranges = (0..changes.len()).map(|k| range_of(&sums, &changes, k));
     let range = |(first, last): (usize, usize)| (kept[first], kept[last]);
     ChangePoints {
@@ -350,19 +350,27 @@ fn segmentation(sums: &Sums, places: &[usize], penalty: f64) -> Vec<usize> {
 }
 
 /// Removes a step at either end whose best position leaves fewer than three values there: it waits for more values. The
-/// segmentation itself would borrow a value from the other side to make it three.
-fn supported(sums: &Sums, mut changes: Vec<usize>) -> Vec<usize> {
+/// segmentation itself would borrow a value from the other side to make it three. A step that is significant without
+/// those values remains.
+fn supported(sums: &Sums, mut changes: Vec<usize>, penalty: f64) -> Vec<usize> {
     let best = |from: usize, to: usize| {
         (from + 1..to).max_by(|&a, &b| sums.gain(from, a, to).total_cmp(&sums.gain(from, b, to))).unwrap_or(to)
     };
-    if changes.last().is_some() {
+    let holds =
+        |from: usize, at: usize, to: usize| from + LEAST <= at && at + LEAST <= to && sums.gain(from, at, to) > penalty;
+    if let Some(&last) = changes.last() {
         let from = changes.len().checked_sub(2).map_or(0, |k| changes[k]);
-        if sums.len() - best(from, sums.len()) < LEAST {
+        let tail = best(from, sums.len());
+        if sums.len() - tail < LEAST && !holds(from, last, tail) {
             changes.pop();
         }
     }
-    if !changes.is_empty() && best(0, changes.get(1).copied().unwrap_or(sums.len())) < LEAST {
-        changes.remove(0);
+    if let Some(&first) = changes.first() {
+        let to = changes.get(1).copied().unwrap_or(sums.len());
+        let head = best(0, to);
+        if head < LEAST && !holds(head, first, to) {
+            changes.remove(0);
+        }
     }
     changes
 }
@@ -587,6 +595,20 @@ mod tests {
         x[17] += 60.0;
         let points = change_points(&x, &u, Looks::One);
         assert_eq!((points.outliers.as_slice(), points.changes.as_slice()), (&[][..], &[17][..]));
+    }
+
+    #[test]
+    fn a_wild_newest_or_oldest_flight_does_not_hide_a_step() {
+        for wild in [80.0, 140.0, 400.0] {
+            let mut random = Pcg64::seed_from_u64(21);
+            let (mut x, u) = series(&mut random, 17, 0.5, &|i| if i < 8 { 300.0 } else { 360.0 });
+            x[16] += wild;
+            for looks in [Looks::One, Looks::Every] {
+                assert_eq!(change_points(&x, &u, looks).changes, [8], "{wild} ms at the end");
+                let (back, u): (Vec<f64>, Vec<f64>) = (0..17).rev().map(|i| (x[i], u[i])).unzip();
+                assert_eq!(change_points(&back, &u, looks).changes, [9], "{wild} ms at the start");
+            }
+        }
     }
 
     #[test]
