@@ -4,9 +4,7 @@ use crate::draw;
 use crate::figure::{self, Figure};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::io::{Cursor, Write};
-use zip::ZipWriter;
-use zip::write::SimpleFileOptions;
+use std::io::Write;
 
 /// The folder of the figures in [`Site::files`].
 const FIGURES: &str = "figures/";
@@ -43,21 +41,28 @@ impl Site {
             self.files.iter().filter_map(|(path, bytes)| Some((path.strip_prefix(FIGURES)?, bytes.as_slice())));
         let figures: Vec<(&str, &[u8])> = figures.collect();
         if !figures.is_empty() {
-            files.insert(FIGURES_ZIP, Cow::Owned(zipped(&figures)));
+            // Writing to memory cannot fail.
+            files.insert(FIGURES_ZIP, Cow::Owned(zipped(&figures).unwrap_or_default()));
         }
         files
     }
 }
 
-/// The same files give the same bytes: all are dated 1980-01-01.
-fn zipped(files: &[(&str, &[u8])]) -> Vec<u8> {
-    let mut zip = ZipWriter::new(Cursor::new(vec![]));
-    let options = SimpleFileOptions::default();
+/// The date of all files in an archive, 1980-01-01, so that the same files give the same bytes.
+const DATE_S: i64 = 315_532_800;
+
+fn zipped(files: &[(&str, &[u8])]) -> Result<Vec<u8>, rawzip::Error> {
+    let mut archive = rawzip::ZipArchiveWriter::new(vec![]);
     for (name, bytes) in files {
-        // Writing to memory cannot fail, and no figure reaches 4 GiB.
-        let _ = zip.start_file(*name, options).map(|()| zip.write_all(bytes));
+        let file = archive.new_file(*name).compression_method(rawzip::CompressionMethod::DEFLATE);
+        let (mut entry, sums) = file.last_modified(rawzip::time::UtcDateTime::from_unix(DATE_S)).start()?;
+        let mut writer = sums.wrap(flate2::write::DeflateEncoder::new(&mut entry, flate2::Compression::default()));
+        writer.write_all(bytes)?;
+        let (encoder, descriptor) = writer.finish()?;
+        encoder.finish()?;
+        entry.finish(descriptor)?;
     }
-    zip.finish().map(Cursor::into_inner).unwrap_or_default()
+    archive.finish()
 }
 
 #[cfg(test)]
@@ -75,7 +80,7 @@ mod tests {
         assert_eq!(files.keys().copied().collect::<Vec<_>>(), ["figures.zip", "index.html"]);
         let zip = &files["figures.zip"];
         assert!(zip.len() < 400 && *zip == site.to_write()["figures.zip"], "{}", zip.len());
-        let mut read = zip::ZipArchive::new(Cursor::new(zip.as_ref())).unwrap();
+        let mut read = zip::ZipArchive::new(std::io::Cursor::new(zip.as_ref())).unwrap();
         assert_eq!(read.len(), 2);
         let mut text = String::new();
         read.by_name("a.csv").unwrap().read_to_string(&mut text).unwrap();

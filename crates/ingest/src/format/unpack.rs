@@ -114,19 +114,18 @@ pub(crate) struct Member {
 
 /// The files in a packed file, with their first bytes.
 pub(crate) fn members(path: &Path, packing: Packing) -> io::Result<Vec<Member>> {
-    let mut file = File::open(path)?;
+    let file = File::open(path)?;
     if packing != Packing::Zip {
         let (at, bad) = (Cell::new(0), Cell::new(0));
         let packed = Packed::new(&file, 0..u64::MAX, &at);
         let (head, fault) = head_of(decoder(packing, packed, &bad), packing, sniff::HEAD);
         return Ok(vec![Member { name: inner_name(path, packing), head, fault, entry: None }]);
     }
-    let entries = zip::entries(&mut file, MOST_MEMBERS)?;
+    let entries = zip::entries(&file, MOST_MEMBERS)?;
     let most = sniff::HEAD.min(MOST_HEADS / entries.len().max(1));
     let member = |entry: zip::Entry| {
         let at = Cell::new(0);
-        let place = zip::place(&mut file, &entry).map_err(|e| e.to_string());
-        let unpacked = place.and_then(|place| zip::decoder(&entry, Packed::new(&file, place, &at)));
+        let unpacked = entry.place.clone().and_then(|place| zip::decoder(&entry, Packed::new(&file, place, &at)));
         let (head, fault) = head_of(unpacked, packing, most);
         Member { name: entry.file_name(), head, fault, entry: Some(entry) }
     };
@@ -417,7 +416,7 @@ impl<'c> Unpacking<'c> {
     }
 
     /// Unpacks the logs of a ZIP archive.
-    fn archive(&mut self, path: &Path, mut file: File, size: u64) -> Result<(), IngestError> {
+    fn archive(&mut self, path: &Path, file: File, size: u64) -> Result<(), IngestError> {
         let unusable = |what: String| IngestError::Unusable { file: file_name(path), what };
         let failed = |e: io::Error| IngestError::of_file(path, e);
         let packing = Packing::Zip;
@@ -429,10 +428,6 @@ impl<'c> Unpacking<'c> {
         for member in &members {
             let is_wanted = self.wants(&sniff::content_of(&member.name, &member.head, self.context));
             let Some(entry) = member.entry.as_ref().filter(|_| is_wanted) else { continue };
-            if !entry.listed {
-                let text = "the ZIP archive has no list of files at its end: it is truncated or damaged";
-                self.notices.push(Code::IncompleteRecording, file_name(path), 1, text);
-            }
             let target = self.target(&member.name)?;
             // The write-ahead log that a killed recorder left next to its bag belongs to it.
             let ahead = members.iter().filter_map(|m| m.entry.as_ref()).find(|e| e.is_write_ahead_log_of(entry));
@@ -441,7 +436,7 @@ impl<'c> Unpacking<'c> {
         }
         for (entry, target) in wanted {
             let at = Cell::new(0);
-            let place = zip::place(&mut file, entry).map_err(failed)?;
+            let place = entry.place.clone().map_err(unusable)?;
             let decoder = zip::decoder(entry, Packed::new(&file, place.clone(), &at)).map_err(unusable)?;
             self.copy(&Piece { path, size, packing, at: &at, place }, &target, decoder)?;
         }

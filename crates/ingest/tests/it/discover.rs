@@ -69,7 +69,7 @@ fn logs_are_detected_by_content_and_the_rest_is_listed_with_a_reason() {
     for (path, text) in [
         ("README.md", ".md"),
         ("LICENSE", "text, but"),
-        ("x.zip", "without a file"),
+        ("x.zip", "without a valid list of files"),
         ("lfs.mcap", "Git LFS"),
         ("page.bag", "HTML"),
         ("noise", "binary"),
