@@ -119,6 +119,9 @@ pub(crate) fn guess(log: &Log) -> Result<Guess, String> {
         return Err(odd);
     }
     let mut reasons: Vec<String> = sources.iter().filter(|s| s.timings.is_empty()).map(without_time).collect();
+    if sources.iter().all(|s| s.velocities.is_empty()) {
+        reasons.extend(sources.iter().filter_map(|s| s.speed_alone.as_ref().map(without_course)));
+    }
     let (mut places, motions) = compare_all(&sources, &mut reasons);
     for (of, position) in sources.iter().flat_map(|s| s.positions.iter().map(move |p| (s, p))) {
         if !has_place(&places, &of.table.topic.name, &position.first) {
@@ -175,6 +178,9 @@ fn has_place(places: &[Found<'_, Place>], topic: &str, first: &Named) -> bool {
     places.iter().any(|known| known.topic == topic && known.what.group.first.path == first.path)
 }
 
+/// Maximum number of reasons in a summary; the map has all.
+const MOST_REASONS: usize = 4;
+
 /// The map of positions and velocities, with the attitudes, rates and forces inferred from them.
 fn with_bodies<'l>(
     sources: &'l [TableColumns<'l>],
@@ -187,10 +193,11 @@ fn with_bodies<'l>(
     let times: Vec<(&str, &Timing)> = motions.iter().map(|m| (m.topic, &m.timing)).chain(of_places).collect();
     let (mut bodies, unsure) = body::bodies(sources, &motions, &times);
     let other_starts = leave_out_of_other_starts(&mut bodies, &times);
-    reasons.extend(unsure.iter().cloned());
+    reasons.extend(unsure);
     let guess = write::map(&GuessedChannels { places, motions, bodies }, &reasons, several);
-    let unsure = unsure.iter().map(|why| format!("; not bound: {why}"));
-    let notes: Vec<String> = unsure.collect();
+    let mut notes: Vec<String> = reasons.iter().take(MOST_REASONS).map(|why| format!("; not bound: {why}")).collect();
+    let more = reasons.len().saturating_sub(MOST_REASONS);
+    notes.extend((more > 0).then(|| format!("; {more} more reasons are in the suggested map")));
     // What makes every delay uncertain comes first.
     let first = other_starts.map_or(String::new(), |note| format!("{note}. "));
     Guess { summary: first + &guess.summary + &notes.concat(), ..guess }
@@ -283,6 +290,17 @@ fn without_time(source: &TableColumns<'_>) -> String {
             source.table.topic.name
         ),
         None => format!("{known}no column of {} {NO_TIME}", source.table.topic.name),
+    }
+}
+
+/// Why a speed without a course is no velocity, and what to do about it.
+fn without_course((speed, heading): &(String, Option<String>)) -> String {
+    match heading {
+        None => format!("{speed}: a speed without a course over ground gives no direction"),
+        Some(heading) => format!(
+            "{speed} and {heading}: {heading} may be where the nose points; if it is the course over ground, call the \
+             column course or write a channel map with speed and track"
+        ),
     }
 }
 

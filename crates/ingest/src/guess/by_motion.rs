@@ -59,7 +59,18 @@ fn source<'l>(head: &TableHead, table: &'l Table, time: &String, timings: Vec<Ti
     });
     let velocities = velocities.collect();
     let (attitudes, rates, forces) = (vec![], vec![], vec![]);
-    TableColumns { table, timings, unread_time: None, odd_time: None, positions, velocities, attitudes, rates, forces }
+    TableColumns {
+        table,
+        timings,
+        unread_time: None,
+        odd_time: None,
+        positions,
+        velocities,
+        speed_alone: None,
+        attitudes,
+        rates,
+        forces,
+    }
 }
 
 fn range(table: &Table, path: &str) -> Option<(f64, f64)> {

@@ -15,6 +15,8 @@ pub(super) struct TableColumns<'l> {
     pub(super) odd_time: Option<(String, String)>,
     pub(super) positions: Vec<Position>,
     pub(super) velocities: Vec<Velocity>,
+    /// A speed that no other column gives a direction, and a heading that may or may not be its course.
+    pub(super) speed_alone: Option<(String, Option<String>)>,
     /// Roll, pitch and yaw.
     pub(super) attitudes: Vec<Triple>,
     /// About three axes of the body.
@@ -90,7 +92,9 @@ fn source<'l>(log: &'l Log, table: &'l Table) -> Option<TableColumns<'l>> {
         }
     }
     let positions = labels.iter().flat_map(|label| positions(&named, label)).collect();
-    let velocities = labels.iter().flat_map(|label| velocities(&named, label)).collect();
+    let velocities: Vec<Velocity> = labels.iter().flat_map(|label| velocities(&named, label)).collect();
+    let path_of = |role| named.iter().find(|column| column.role == role).map(|column| column.path.clone());
+    let speed_alone = path_of(Role::Speed).filter(|_| velocities.is_empty()).map(|speed| (speed, path_of(Role::Yaw)));
     let with_unknown_unit = super::time_columns::with_unknown_unit(table, &named);
     let odd_time = with_unknown_unit.and_then(|column| Some((column.path.clone(), column.odd_unit.clone()?)));
     let is_named = named.iter().any(|column| column.role == Role::Time);
@@ -100,7 +104,18 @@ fn source<'l>(log: &'l Log, table: &'l Table) -> Option<TableColumns<'l>> {
     let triples = |roles: [Role; 3]| labels.iter().filter_map(|label| triple(&named, label, roles)).collect();
     let attitudes = triples(ATTITUDE);
     let (rates, forces) = (triples(AXES.map(Role::Rate)), triples(AXES.map(Role::Force)));
-    Some(TableColumns { table, timings, unread_time, odd_time, positions, velocities, attitudes, rates, forces })
+    Some(TableColumns {
+        table,
+        timings,
+        unread_time,
+        odd_time,
+        positions,
+        velocities,
+        speed_alone,
+        attitudes,
+        rates,
+        forces,
+    })
 }
 
 const ATTITUDE: [Role; 3] = [Role::Roll, Role::Pitch, Role::Yaw];

@@ -184,7 +184,7 @@ pub(super) fn without_unit(table: &Table, group: &Position) -> String {
     }
     format!(
         "the values of {} reach {}, those of {} {}: neither degrees nor radians nor 1e-7 degrees (missing values as -9999, or \
-         degrees and minutes as 4807.038, are not read from a table)",
+         degrees and minutes as 4807.038, are not read from a table: leave cells without a value empty)",
         latitude.0, latitude.1, longitude.0, longitude.1
     )
 }

@@ -484,6 +484,20 @@ fn the_unit_of_a_height_is_that_of_the_vertical_velocity_or_unknown() {
 }
 
 #[test]
+fn a_speed_without_a_course_is_reported_with_a_way_out() {
+    let of_header = |header: &str| {
+        let text = table(header, |t, [a, b, _], [n, e, _]| {
+            format!("{t:.1},{:.9},{:.9},{:.4},{:.3}", deg(a), deg(b), n.hypot(e), deg(e.atan2(n)))
+        });
+        summary(&load_text(&text))
+    };
+    let open = of_header("time,lat,lon,speed,heading");
+    assert!(open.contains("not bound: speed and heading: heading may be where the nose points"), "{open}");
+    assert!(!of_header("time,lat,lon,speed,course").contains("not bound"));
+    assert!(of_header("time,lat,lon,speed,odometer").contains("not bound: speed: a speed without a course"));
+}
+
+#[test]
 fn a_steadily_rising_column_is_the_time_under_an_unknown_name() {
     let text = table("Nr;Zeit;Lat;Lon;Alt;VN;VE;VD", |t, [a, b, h], [n, e, u]| {
         let nr = (10.0 * t).round();
