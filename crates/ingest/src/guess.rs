@@ -122,6 +122,13 @@ pub(crate) fn guess(log: &Log) -> Result<Guess, String> {
     if sources.iter().all(|s| s.velocities.is_empty()) {
         reasons.extend(sources.iter().filter_map(|s| s.speed_alone.as_ref().map(without_course)));
     }
+    let without_number: Vec<&str> = sources.iter().flat_map(|s| &s.without_number).map(String::as_str).collect();
+    if sources.iter().all(|s| s.positions.is_empty()) && !without_number.is_empty() {
+        let columns = without_number.join(" and ");
+        reasons.push(format!(
+            "{columns}: no cell is a plain number; write signed decimal degrees or metres without letters"
+        ));
+    }
     let (mut places, motions) = compare_all(&sources, &mut reasons);
     for (of, position) in sources.iter().flat_map(|s| s.positions.iter().map(move |p| (s, p))) {
         if !has_place(&places, &of.table.topic.name, &position.first) {
@@ -284,11 +291,7 @@ fn without_time(source: &TableColumns<'_>) -> String {
         .collect();
     let known = if all.is_empty() { String::new() } else { format!("{} are recognised, but ", all.join(", ")) };
     match &source.unread_time {
-        Some((column, cell)) => format!(
-            "{known}the time {column} of {} begins with {cell:?}, which cannot be read; a time must be ISO 8601, \
-             h:mm:ss, the day of a year, or a rising number of s, ms, us or ns",
-            source.table.topic.name
-        ),
+        Some(why) => format!("{known}{why}"),
         None => format!("{known}no column of {} {NO_TIME}", source.table.topic.name),
     }
 }

@@ -66,6 +66,7 @@ fn source<'l>(head: &TableHead, table: &'l Table, time: &String, timings: Vec<Ti
         odd_time: None,
         positions,
         velocities,
+        without_number: vec![],
         speed_alone: None,
         attitudes,
         rates,

@@ -9,12 +9,14 @@ use crate::table::{Table, numbers};
 pub(super) struct TableColumns<'l> {
     pub(super) table: &'l Table,
     pub(super) timings: Vec<Timing>,
-    /// The first column named like a time, and its first cell, if it cannot be read.
-    pub(super) unread_time: Option<(String, String)>,
+    /// Why the time cannot be read, if a column is named like one.
+    pub(super) unread_time: Option<String>,
     /// The time column and its stated unit, if that unit is unknown.
     pub(super) odd_time: Option<(String, String)>,
     pub(super) positions: Vec<Position>,
     pub(super) velocities: Vec<Velocity>,
+    /// Columns named like a position without a number.
+    pub(super) without_number: Vec<String>,
     /// A speed that no other column gives a direction, and a heading that may or may not be its course.
     pub(super) speed_alone: Option<(String, Option<String>)>,
     /// Roll, pitch and yaw.
@@ -72,19 +74,20 @@ pub(super) fn sources(log: &Log) -> Vec<TableColumns<'_>> {
     log.tables.iter().filter_map(|table| source(log, table)).collect()
 }
 
-/// The columns that hold a value and have a name that gives a role.
-fn filled(head: &TableHead, table: &Table) -> Vec<Named> {
-    let named: Vec<Named> = head.names.iter().filter_map(|path| super::names::named(head, path)).collect();
-    let holds = |column: &&Named| {
+/// The columns whose name gives a role: those that hold a value, and those without a number.
+fn filled(head: &TableHead, table: &Table) -> (Vec<Named>, Vec<Named>) {
+    let holds = |column: &Named| {
         let values = || numbers(table, &column.path);
         column.role == Role::Time || values().is_some_and(|v| (0..table.rows).any(|row| v.number(row).is_some()))
     };
-    named.iter().filter(holds).cloned().collect()
+    head.names.iter().filter_map(|path| super::names::named(head, path)).partition(holds)
 }
 
 fn source<'l>(log: &'l Log, table: &'l Table) -> Option<TableColumns<'l>> {
     let head = log.head(&table.topic.name)?;
-    let named = filled(head, table);
+    let (named, empty) = filled(head, table);
+    let is_position = |c: &Named| matches!(c.role, Role::Latitude | Role::Longitude | Role::Position(_));
+    let without_number = empty.into_iter().filter(is_position).map(|column| column.path).collect();
     let mut labels: Vec<&str> = vec![];
     for column in named.iter().filter(|c| !matches!(c.role, Role::Time | Role::Week)) {
         if !labels.contains(&column.source.as_str()) {
@@ -97,10 +100,15 @@ fn source<'l>(log: &'l Log, table: &'l Table) -> Option<TableColumns<'l>> {
     let speed_alone = path_of(Role::Speed).filter(|_| velocities.is_empty()).map(|speed| (speed, path_of(Role::Yaw)));
     let with_unknown_unit = super::time_columns::with_unknown_unit(table, &named);
     let odd_time = with_unknown_unit.and_then(|column| Some((column.path.clone(), column.odd_unit.clone()?)));
-    let is_named = named.iter().any(|column| column.role == Role::Time);
-    let timings =
-        if is_named { timings(table, &named) } else { super::time_columns::by_rise(table, &head.names, &named) };
-    let unread_time = if timings.is_empty() { super::time_columns::unreadable(table, &named) } else { None };
+    let parts = super::time_columns::parts_of_time(table, &head.names);
+    let mut times = named.iter().filter(|column| column.role == Role::Time);
+    let timings = match times.any(|column| !parts.contains(&column.path.as_str())) {
+        true => timings(table, &named),
+        false if parts.is_empty() => super::time_columns::by_rise(table, &head.names, &named),
+        false => vec![],
+    };
+    let unread_time =
+        if timings.is_empty() { super::time_columns::unreadable(table, &head.names, &named) } else { None };
     let triples = |roles: [Role; 3]| labels.iter().filter_map(|label| triple(&named, label, roles)).collect();
     let attitudes = triples(ATTITUDE);
     let (rates, forces) = (triples(AXES.map(Role::Rate)), triples(AXES.map(Role::Force)));
@@ -111,6 +119,7 @@ fn source<'l>(log: &'l Log, table: &'l Table) -> Option<TableColumns<'l>> {
         odd_time,
         positions,
         velocities,
+        without_number,
         speed_alone,
         attitudes,
         rates,

@@ -226,10 +226,22 @@ pub(super) fn with_unknown_unit<'c>(table: &Table, columns: &'c [Named]) -> Opti
     (!is_clock && numbers(table, &first.path).is_some()).then_some(first)
 }
 
-/// The first column named like a time, and its first cell; `None` for a table of one row, where no time increases.
-pub(super) fn unreadable(table: &Table, columns: &[Named]) -> Option<(String, String)> {
+/// How a map reads the times that a guess does not.
+const OTHER_TIMES: &str = "for serial days, dates in another order and dates in several columns, copy the way to write \
+                           the time from `flightlag maps wide-csv`";
+
+/// Why the time of a table cannot be read; `None` if no column is named like one, and for a table of one row, where no
+/// time increases.
+pub(super) fn unreadable(table: &Table, names: &[String], columns: &[Named]) -> Option<String> {
     if table.rows < 2 {
         return None;
+    }
+    let topic = &table.topic.name;
+    if let [minute, second] = parts_of_time(table, names)[..] {
+        return Some(format!(
+            "the time of {topic} is written in several columns, {minute} and {second} among them: write one column as \
+             h:mm:ss.sss, or {OTHER_TIMES}"
+        ));
     }
     let first = columns.iter().find(|column| column.role == Role::Time)?;
     let text = |row| {
@@ -237,7 +249,22 @@ pub(super) fn unreadable(table: &Table, columns: &[Named]) -> Option<(String, St
         cell.or_else(|| numbers(table, &first.path)?.number(row).map(|number| number.to_string()))
     };
     let cell = (0..table.rows).filter_map(text).find(|text| !text.is_empty())?;
-    Some((first.path.clone(), cell))
+    Some(format!(
+        "the time {} of {topic} begins with {cell:?}, which cannot be read; a time must be ISO 8601, h:mm:ss of 24 \
+         hours, the day of a year, or a rising number of s, ms, us or ns; {OTHER_TIMES}",
+        first.path
+    ))
+}
+
+/// The columns of minutes and of seconds below 60, if the time is written in several columns.
+pub(super) fn parts_of_time<'n>(table: &Table, names: &'n [String]) -> Vec<&'n str> {
+    let called = |any: [&str; 4]| names.iter().find(|name| any.contains(&name.trim().to_lowercase().as_str()));
+    let minute = called(["minute", "minutes", "min", "mm"]);
+    let is_part = |path: &&String| {
+        numbers(table, path).is_none_or(|v| (0..table.rows).filter_map(|row| v.number(row)).all(|s| s <= 60.0))
+    };
+    let second = called(["second", "seconds", "sec", "ss"]).filter(is_part);
+    minute.zip(second).map_or(vec![], |(minute, second)| vec![minute, second])
 }
 
 /// The most columns that are tried as the time if none is named like one.

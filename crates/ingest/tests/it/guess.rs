@@ -498,6 +498,24 @@ fn a_speed_without_a_course_is_reported_with_a_way_out() {
 }
 
 #[test]
+fn times_and_positions_in_other_writing_are_refused_with_a_way_out() {
+    let refusal = |header: &str, time: &dyn Fn(f64) -> String, letters: [&str; 2]| {
+        let text = table(header, |t, [a, b, _], [n, e, _]| {
+            format!("{},{:.9}{},{:.9}{},{n:.4},{e:.4}", time(t), deg(a), letters[0], deg(b), letters[1])
+        });
+        load_text(&text).binding.unwrap_err()
+    };
+    let parts = |t: f64| format!("10,{},{:.1}", (t / 60.0 + 1e-6) as i32, t - 60.0 * (t / 60.0 + 1e-6).floor());
+    let why = refusal("hour,minute,second,lat,lon,vn,ve", &parts, ["", ""]);
+    assert!(why.contains("written in several columns, minute and second among them"), "{why}");
+    let excel = |t: f64| format!("{:.9}", 45_000.0 + t / 86_400.0);
+    let why = refusal("time,lat,lon,vn,ve", &excel, ["", ""]);
+    assert!(why.contains("for serial days") && why.contains("flightlag maps wide-csv"), "{why}");
+    let why = refusal("time,lat,lon,vn,ve", &|t| format!("{t:.1}"), ["N", "E"]);
+    assert!(why.contains("lat and lon: no cell is a plain number"), "{why}");
+}
+
+#[test]
 fn a_steadily_rising_column_is_the_time_under_an_unknown_name() {
     let text = table("Nr;Zeit;Lat;Lon;Alt;VN;VE;VD", |t, [a, b, h], [n, e, u]| {
         let nr = (10.0 * t).round();

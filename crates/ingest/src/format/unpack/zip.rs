@@ -42,10 +42,10 @@ fn is_file(name: &str) -> bool {
 pub(super) fn entries(file: &File, most: usize) -> io::Result<Vec<Entry>> {
     let mut buffer = vec![0; RECOMMENDED_BUFFER_SIZE];
     let archive = ZipArchive::from_file(file.try_clone()?, &mut buffer).map_err(damaged)?;
-    let (mut entries, mut listed, mut files) = (vec![], 0, 0_usize);
+    let (mut entries, mut files) = (vec![], 0_usize);
     let mut list = archive.entries(&mut buffer);
-    while let Some(record) = list.next_entry().map_err(damaged)? {
-        listed += 1;
+    for _ in 0..archive.entries_hint() {
+        let record = list.next_entry().map_err(damaged)?.ok_or_else(|| io::Error::other(DAMAGED))?;
         let name = String::from_utf8_lossy(record.file_path().as_bytes()).into_owned();
         if is_file(&name) {
             files += 1;
@@ -53,9 +53,6 @@ pub(super) fn entries(file: &File, most: usize) -> io::Result<Vec<Entry>> {
                 entries.push(entry(&archive, &record, name));
             }
         }
-    }
-    if listed != archive.entries_hint() {
-        return Err(io::Error::other(DAMAGED));
     }
     if files > most {
         let what = format!("ZIP archive of {files} files; archives of more than {most} are not examined");
