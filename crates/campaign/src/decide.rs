@@ -92,7 +92,7 @@ fn sources_of(flight: &str, lateness: &FlightLateness, pipeline: &Pipeline) -> F
     let relative = lateness
         .position_minus_velocity_s
         .zip(lateness.velocity.clone())
-        .map(|(delay_s, velocity)| RelativeLateness { delay_s, velocity, velocity_lateness_s: None });
+        .map(|(delay_s, velocity)| RelativeLateness { delay_s, velocity });
     FlightSources {
         flight: flight.to_owned(),
         not_measured: position.is_none().then(|| lateness.words.clone()).filter(|why| !why.is_empty()),
@@ -100,8 +100,6 @@ fn sources_of(flight: &str, lateness: &FlightLateness, pipeline: &Pipeline) -> F
         relative,
         card_s: lateness.card.as_ref().and_then(|card| card.found()).map(|card| card.delay_s),
         stated_s: pipeline.stated(),
-        sweep_s: None,
-        reference_s: None,
         keep_out_of_pool: lateness.kind.varies().then(|| format!("its delay {}", lateness.kind.word())),
     }
 }
@@ -114,7 +112,6 @@ fn decision_of(asked: DelaySource, removed: &RemovedDelay, lateness: &FlightLate
         RemovedFrom::Card => Some(DelaySource::Card),
         RemovedFrom::Stated => Some(DelaySource::Fixed),
         RemovedFrom::Pair => Some(DelaySource::Flight),
-        RemovedFrom::Sweep => Some(DelaySource::Sweep),
         RemovedFrom::None => None,
     };
     let from_others = removed.source == RemovedFrom::OthersFlights;
@@ -426,7 +423,6 @@ mod tests {
             pooled_flights: 0,
             z: None,
             card_e_n: None,
-            reference_e_n: None,
             contradicted: None,
         };
         let mut doubted = flight::Notices::new();

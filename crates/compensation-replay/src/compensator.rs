@@ -53,8 +53,7 @@ use std::fmt::Debug;
 ///   without output until Td of velocity has been seen.
 /// - No output (`None`) before the first position.
 /// - Jumps of the position pass with gain 1, except in smoothing compensators ([`DelayedKalman`]).
-/// - The same calls give the same bits. [`snapshot`](Compensator::snapshot) is an independent copy that continues with
-///   the same bits: keep one to restart without a bump.
+/// - The same calls give the same bits.
 pub trait Compensator: Debug + Send {
     /// Name as in a pipeline: `pade-1-1-tustin`, `exact-async`.
     fn name(&self) -> String;
@@ -83,29 +82,6 @@ pub trait Compensator: Debug + Send {
     /// Whether the output between two velocity samples uses both of them if both are known ([`VelocityView`]).
     fn interpolates(&self) -> bool {
         false
-    }
-
-    /// All state that the next output depends on, by name, for debugging.
-    fn state(&self) -> Vec<StateValue>;
-
-    /// An independent copy.
-    fn snapshot(&self) -> Box<dyn Compensator>;
-}
-
-/// A value of a compensator's state.
-#[derive(Debug, Clone, PartialEq)]
-pub struct StateValue {
-    /// Name of the value.
-    pub name: String,
-    /// Value.
-    pub value: f64,
-    /// Unit.
-    pub unit: &'static str,
-}
-
-impl StateValue {
-    fn new(name: impl Into<String>, value: f64, unit: &'static str) -> StateValue {
-        StateValue { name: name.into(), value, unit }
     }
 }
 

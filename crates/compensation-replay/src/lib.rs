@@ -37,8 +37,7 @@ mod validity;
 pub use compensator::{
     AxisSamples, Compensator, CompensatorError, CompensatorKind, CompensatorOptions, DelayedKalman, Discretisation,
     ExactFir, FeedError, Filtered, Fraction, KalmanFit, KalmanSettings, ModalFilter, Mode, OfflineShift, PadeForm,
-    PadeRefusal, Replayed, Smoothed, StateValue, StreamingAsync, VelocityFilter, VelocityView, fit_kalman, replay_axis,
-    rts_smooth,
+    PadeRefusal, Replayed, Smoothed, StreamingAsync, VelocityFilter, VelocityView, fit_kalman, replay_axis, rts_smooth,
 };
 pub use effect::{KnownLateness, effect, error_words};
 pub use ekf_values::{EkfChannelFacts, ekf_values, ekf_values_toml};

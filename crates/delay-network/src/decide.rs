@@ -7,8 +7,7 @@ mod table;
 
 use self::group::GroupFlights;
 use self::table::Table;
-use crate::solve::difference;
-use record::{DelayNetwork, DelayPool, Estimate, NetworkDatum, NetworkVerdict, RemovedDelay};
+use record::{DelayPool, Estimate, NetworkDatum, NetworkVerdict, RemovedDelay};
 
 /// Source requested by the `from` key of the pipeline.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
@@ -41,21 +40,6 @@ pub struct PositionLateness {
     pub weak: bool,
 }
 
-impl PositionLateness {
-    /// Lateness of this position channel according to a network; `None` if the channel is not in it.
-    #[must_use]
-    pub fn from_network(network: &DelayNetwork, position: &str) -> Option<Self> {
-        let channel = network.channel(position)?;
-        Some(PositionLateness {
-            lateness_s: channel.lateness_s,
-            model_uncertainty_s: channel.model_uncertainty_s,
-            datum: channel.datum,
-            verdict: network.verdict,
-            weak: channel.weak,
-        })
-    }
-}
-
 /// Position against velocity of one flight.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RelativeLateness {
@@ -63,23 +47,6 @@ pub struct RelativeLateness {
     pub delay_s: Estimate,
     /// Velocity channel.
     pub velocity: String,
-    /// Lateness `Tv` of that velocity, s, if known.
-    pub velocity_lateness_s: Option<Estimate>,
-}
-
-impl RelativeLateness {
-    /// Position less velocity from the network. `None` if they are in separate parts, or if the network is undecided,
-    /// because then the difference itself may be wrong.
-    #[must_use]
-    pub fn from_network(network: &DelayNetwork, position: &str, velocity: &str) -> Option<Self> {
-        let delay_s = difference(network, position, velocity)?;
-        let channel = network.channel(velocity)?;
-        (network.verdict != NetworkVerdict::Undecided).then(|| RelativeLateness {
-            delay_s,
-            velocity: velocity.to_owned(),
-            velocity_lateness_s: (channel.relative_to.is_none() && !channel.weak).then_some(channel.lateness_s),
-        })
-    }
 }
 
 /// All sources for the delay of one flight.
@@ -97,10 +64,6 @@ pub struct FlightSources {
     pub card_s: Option<Estimate>,
     /// Number stated in the pipeline, s.
     pub stated_s: Option<Estimate>,
-    /// Best delay of the sweep against the flight's reference, s.
-    pub sweep_s: Option<Estimate>,
-    /// Lateness against a reference, s. It is reported for comparison and does not affect the decision.
-    pub reference_s: Option<Estimate>,
     /// Reason to exclude this flight from the mean of the others, such as a delay that steps; `None` to include it.
     pub keep_out_of_pool: Option<String>,
 }

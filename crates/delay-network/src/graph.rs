@@ -50,23 +50,14 @@ pub(crate) struct Graph {
     pub(crate) parts: usize,
 }
 
-/// Pair against a reference, which judges the channel.
-#[derive(Debug, Clone)]
-pub(crate) struct Judge {
-    pub(crate) channel: String,
-    pub(crate) reference: String,
-    pub(crate) lateness_s: Estimate,
-}
-
 /// Graph of the usable pairs, plus the other pairs sorted by use.
 #[derive(Debug)]
 pub(crate) struct Prepared {
     pub(crate) graph: Graph,
     pub(crate) unused: Vec<UnusedPair>,
-    pub(crate) judges: Vec<Judge>,
 }
 
-/// Sorts pairs into usable ones, judges and others. The result does not depend on the order of `pairs`.
+/// Sorts pairs into usable ones and others. The result does not depend on the order of `pairs`.
 pub(crate) fn prepare(
     pairs: &[PairObservation],
     lineage: &dyn Fn(&str) -> Lineage,
@@ -74,14 +65,13 @@ pub(crate) fn prepare(
 ) -> Prepared {
     let roles = roles(pairs, lineage);
     let role = |name: &str| roles.get(name).copied().unwrap_or(Role::Measured);
-    let (mut usable, mut unused, mut judges) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut usable, mut unused) = (Vec::new(), Vec::new());
     for pair in pairs {
         let (first, second) = (pair.first.clone(), second_name(pair));
         let against_reference = role(&first) == Role::Reference || role(&second) == Role::Reference;
         match usable_delay(pair, &first, &second) {
             Err(why) => unused.push(UnusedPair { first, second, why }),
-            Ok((delay, _)) if against_reference && settings.reference == ReferenceUse::Judges => {
-                judges.extend(judge(&first, &second, delay, &role));
+            Ok(_) if against_reference && settings.reference == ReferenceUse::Judges => {
                 let why = "a reference is used to check the network and is not part of it".to_owned();
                 unused.push(UnusedPair { first, second, why });
             }
@@ -103,12 +93,7 @@ pub(crate) fn prepare(
             .then(a.uncertainty_s.total_cmp(&b.uncertainty_s))
     });
     unused.sort_by(|a, b| (&a.first, &a.second, &a.why).cmp(&(&b.first, &b.second, &b.why)));
-    judges.sort_by(|a, b| {
-        (&a.channel, &a.reference)
-            .cmp(&(&b.channel, &b.reference))
-            .then(a.lateness_s.value.total_cmp(&b.lateness_s.value))
-    });
-    Prepared { graph: Graph::new(&usable, &role, settings), unused, judges }
+    Prepared { graph: Graph::new(&usable, &role, settings), unused }
 }
 
 /// Node name of the second channel.
@@ -155,20 +140,6 @@ fn usable_delay(pair: &PairObservation, first: &str, second: &str) -> Result<(Es
         _ if !delay.value.is_finite() => Err("its delay is not finite".to_owned()),
         Some(u) if u.is_finite() && u > 0.0 => Ok((delay, u.max(LEAST_UNCERTAINTY_S))),
         _ => Err("its delay has no uncertainty, so it has no weight".to_owned()),
-    }
-}
-
-/// Channel and reference, if the pair has one of each.
-fn judge(first: &str, second: &str, delay: Estimate, role: &dyn Fn(&str) -> Role) -> Option<Judge> {
-    let of = |channel: &str, reference: &str, sign: f64| Judge {
-        channel: channel.to_owned(),
-        reference: reference.to_owned(),
-        lateness_s: Estimate { value: sign * delay.value, ..delay },
-    };
-    match (role(first), role(second)) {
-        (Role::Reference, Role::Reference) => None,
-        (Role::Reference, _) => Some(of(second, first, -1.0)),
-        _ => Some(of(first, second, 1.0)),
     }
 }
 
@@ -267,20 +238,6 @@ fn number_parts(nodes: &mut [Node], edges: &[Edge]) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// A channel that is 30 ms late is 30 ms late against a reference, whichever is named first.
-    #[test]
-    fn lateness_against_a_reference_ignores_the_order_of_names() {
-        let role = |name: &str| if name.starts_with("truth") { Role::Reference } else { Role::Measured };
-        let delay = |value: f64| Estimate { value, standard_uncertainty: Some(0.002) };
-        let first = judge("position.gps", "truth.a", delay(0.03), &role).unwrap();
-        let second = judge("truth.a", "position.gps", delay(-0.03), &role).unwrap();
-        for judge in [first, second] {
-            assert_eq!((judge.channel.as_str(), judge.reference.as_str()), ("position.gps", "truth.a"));
-            assert_eq!(judge.lateness_s, delay(0.03));
-        }
-        assert!(judge("truth.a", "truth.b", delay(0.03), &role).is_none());
-    }
 
     #[test]
     fn joined_items_are_one_set_in_any_order() {

@@ -17,7 +17,7 @@ pub struct PairObservation {
     /// Standard uncertainty for what one delay does not explain in this pair, such as a delay that depends on
     /// frequency, s. No other pair shares it.
     pub widened_s: f64,
-    /// Reason not to use a measured delay, such as the words of [`acceleration_gate`]; `None` to use it.
+    /// Reason not to use a measured delay, `None` to use it.
     pub not_used: Option<String>,
 }
 
@@ -65,31 +65,6 @@ fn without_widening(delay: &MeasuredDelay) -> Estimate {
     Estimate { standard_uncertainty: delay.delay_s.standard_uncertainty.map(noise), ..delay.delay_s }
 }
 
-/// Least rate of an IMU whose accelerations can be a datum, Hz (section 3.2).
-const LEAST_IMU_RATE_HZ: f64 = 10.0;
-
-/// Least rate of the IMU over the frequency below which 95 % of the acceleration lies (section 3.2).
-const LEAST_RATE_RATIO: f64 = 4.0;
-
-/// Reason not to use the pairs of an acceleration: its sampling is too slow for a datum. `None` if it is fast enough.
-///
-/// `imu_rate_hz` is the rate of the specific force, `acceleration_95_hz` the frequency below which 95 % of the power
-/// of the acceleration lies, if known.
-#[must_use]
-pub fn acceleration_gate(imu_rate_hz: f64, acceleration_95_hz: Option<f64>) -> Option<String> {
-    if !imu_rate_hz.is_finite() {
-        return Some("the rate of the IMU is unknown".to_owned());
-    }
-    if imu_rate_hz < LEAST_IMU_RATE_HZ {
-        return Some(format!(
-            "the IMU is logged at {imu_rate_hz:.1} Hz, and at least {LEAST_IMU_RATE_HZ:.0} Hz are needed"
-        ));
-    }
-    let least_hz = LEAST_RATE_RATIO * acceleration_95_hz.filter(|hz| hz.is_finite())?;
-    (imu_rate_hz < least_hz)
-        .then(|| format!("the IMU is logged at {imu_rate_hz:.1} Hz, and this motion needs at least {least_hz:.1} Hz"))
-}
-
 /// Pair with its node names and a usable number.
 #[derive(Debug)]
 pub(crate) struct Usable {
@@ -104,15 +79,6 @@ pub(crate) struct Usable {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_slow_imu_is_not_a_datum() {
-        assert!(acceleration_gate(2.5, None).is_some_and(|why| why.contains("2.5 Hz")));
-        assert!(acceleration_gate(f64::NAN, None).is_some());
-        assert!(acceleration_gate(25.0, Some(7.0)).is_some_and(|why| why.contains("28.0 Hz")));
-        assert_eq!(acceleration_gate(50.0, Some(7.0)), None);
-        assert_eq!(acceleration_gate(10.0, None), None);
-    }
 
     fn measured(standard_uncertainty: Option<f64>, widened_s: f64, hessian_s: f64) -> Option<f64> {
         let text = format!(

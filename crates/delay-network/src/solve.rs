@@ -2,15 +2,13 @@
 
 use crate::channels::Channels;
 use crate::graph::{Graph, Prepared, prepare};
-use crate::isolate::{Isolation, K95, isolate};
+use crate::isolate::{Isolation, isolate};
 use crate::lineage::Lineage;
 use crate::noise::channel_noise;
 use crate::observation::PairObservation;
 use crate::settings::NetworkSettings;
-use crate::{adjust, loops, suggest, words};
-use record::{
-    DelayNetwork, EffectName, Estimate, NetworkDatum, NetworkEffect, NetworkVerdict, ReferenceJudgement, UsedPair,
-};
+use crate::words;
+use record::{DelayNetwork, EffectName, Estimate, NetworkDatum, NetworkEffect, NetworkVerdict, UsedPair};
 
 /// One lateness per channel from all pairs of one flight; `None` if no pair is usable.
 ///
@@ -44,15 +42,14 @@ pub fn solve(
     lineage: &dyn Fn(&str) -> Lineage,
     settings: &NetworkSettings,
 ) -> Option<DelayNetwork> {
-    let Prepared { graph, unused, judges } = prepare(pairs, lineage, settings);
+    let Prepared { graph, unused } = prepare(pairs, lineage, settings);
     if graph.edges.is_empty() {
         return None;
     }
     let noise = channel_noise(&graph, settings.shared_noise);
     let Shown { shown, refused, earlier } = against_datum(&graph, settings, &noise)?;
     let channels = Channels { graph: &graph, settings, shown: &shown, refused: refused.as_ref(), earlier: &earlier };
-    let pair_covariance = adjust::pair_covariance(&graph, settings, &[]);
-    let mut network = DelayNetwork {
+    Some(DelayNetwork {
         channels: channels.latenesses(),
         covariance_s2: covariance(&shown, graph.nodes.len()),
         datum: network_datum(&shown),
@@ -65,18 +62,10 @@ pub fn solve(
         degrees_of_freedom: u32::try_from(shown.adjustment.degrees_of_freedom).unwrap_or(u32::MAX),
         p: shown.adjustment.p(),
         birge: shown.birge,
-        loops: loops::fundamental_loops(&graph, &pair_covariance),
         effects: effects(&graph, &shown),
         used_pairs: used_pairs(&graph, &shown),
-        suggestions: suggest::suggestions(&graph, &shown, &unused),
         unused_pairs: unused,
-        judged: Vec::new(),
-    };
-    network.judged = judges
-        .iter()
-        .filter_map(|judge| judge_against_reference(&network, &judge.channel, &judge.reference, judge.lateness_s))
-        .collect();
-    Some(network)
+    })
 }
 
 /// Network as reported.
@@ -111,36 +100,6 @@ pub fn difference(network: &DelayNetwork, first: &str, second: &str) -> Option<E
     (a.part == b.part).then(|| Estimate {
         value: a.lateness_s.value - b.lateness_s.value,
         standard_uncertainty: Some(variance.max(0.0).sqrt()),
-    })
-}
-
-/// Residual delay that a correct compensation leaves between position and velocity, s: `Tp − Td − Tv` (section 1).
-///
-/// It is `−Tv` if the removed delay is the position's own: a late velocity is not a fault of the compensation.
-#[must_use]
-pub fn expected_residual(network: &DelayNetwork, position: &str, velocity: &str, removed_s: f64) -> Option<Estimate> {
-    let between = difference(network, position, velocity)?;
-    Some(Estimate { value: between.value - removed_s, ..between })
-}
-
-/// Lateness of `channel` judged by a `reference` that is not part of the network; `None` if the channel has no lateness
-/// against a datum.
-#[must_use]
-pub fn judge_against_reference(
-    network: &DelayNetwork,
-    channel: &str,
-    reference: &str,
-    reference_s: Estimate,
-) -> Option<ReferenceJudgement> {
-    let judged = network.channel(channel).filter(|channel| channel.relative_to.is_none())?;
-    let u = judged.lateness_s.standard_uncertainty?.hypot(reference_s.standard_uncertainty?);
-    let error = judged.lateness_s.value - reference_s.value;
-    (u > 0.0 && error.is_finite()).then(|| ReferenceJudgement {
-        channel: channel.to_owned(),
-        reference: reference.to_owned(),
-        reference_s,
-        error_s: Estimate { value: error, standard_uncertainty: Some(u) },
-        e_n: error.abs() / (K95 * u),
     })
 }
 

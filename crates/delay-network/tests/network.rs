@@ -1,9 +1,6 @@
 //! How a network handles wrong pairs, filter lanes, references, separate parts and invalid input.
 
-use delay_network::{
-    Lineage, NetworkSettings, PairObservation, PositionLateness, ReferenceUse, RelativeLateness, difference,
-    expected_residual, lineage_from_name, solve,
-};
+use delay_network::{Lineage, NetworkSettings, PairObservation, ReferenceUse, difference, lineage_from_name, solve};
 use record::DelayPairKind::{
     PositionAgainstReference, PositionAgainstVelocity, VelocityAgainstAcceleration, VelocityAgainstReference,
 };
@@ -109,7 +106,7 @@ fn swapping_the_names_of_a_pair_changes_nothing() {
 }
 
 #[test]
-fn a_reference_judges_and_changes_nothing() {
+fn a_reference_changes_nothing() {
     let without = solved(&delorean());
     let mut pairs = delorean();
     pairs.push(PairObservation::measured(
@@ -121,13 +118,8 @@ fn a_reference_judges_and_changes_nothing() {
     ));
     pairs.push(PairObservation::measured(VelocityAgainstReference, "velocity.ekf", "position.truth", 0.0562, 0.001));
     let with = solved(&pairs);
-    assert_eq!(with.judged.len(), 2);
     assert_eq!(with.unused_pairs.len(), 2);
-    assert!(with.judged.iter().all(|judged| judged.e_n < 1.0), "the truth of this flight: {:?}", with.judged);
-    let position = &with.judged[0];
-    let u = with.channels[1].lateness_s.standard_uncertainty.unwrap().hypot(0.001);
-    assert!((position.e_n - (0.2033 - with.channels[1].lateness_s.value) / (1.96 * u)).abs() < 1e-9);
-    let blind = DelayNetwork { judged: Vec::new(), unused_pairs: Vec::new(), ..with };
+    let blind = DelayNetwork { unused_pairs: Vec::new(), ..with };
     assert_eq!(blind, without);
 }
 
@@ -251,7 +243,7 @@ fn a_filter_as_the_only_path_to_the_imu_gives_a_weak_lower_bound() {
 }
 
 #[test]
-fn separate_parts_have_their_own_zero_and_a_joining_pair_is_suggested() {
+fn separate_parts_have_their_own_zero() {
     let pairs = [
         position_velocity(("position.gps", 0.002), ("velocity.gps", 0.0), 0.003),
         position_velocity(("position.ekf", -0.028), ("velocity.ekf", 0.0), 0.009),
@@ -260,9 +252,6 @@ fn separate_parts_have_their_own_zero_and_a_joining_pair_is_suggested() {
     let network = solved(&pairs);
     assert_eq!(network.datum, NetworkDatum::None);
     assert_eq!(difference(&network, "position.gps", "position.ekf"), None);
-    let words: Vec<&str> = network.suggestions.iter().map(|s| s.words.as_str()).collect();
-    assert!(words[0].contains("tie position.gps and velocity.ekf together; not used: the flight was too straight"));
-    assert!(words.iter().any(|words| words.contains("10 Hz")), "{words:?}");
     assert!(network.datum_words.contains("relative to velocity.ekf") && !network.datum_words.contains("IMU"));
 }
 
@@ -285,35 +274,12 @@ fn the_compensation_velocity_is_the_zero_of_a_part_without_datum() {
 }
 
 #[test]
-fn a_correct_compensation_leaves_the_velocity_lateness() {
-    let network = solved(&delorean());
-    let position = network.channel("position.gps").unwrap().lateness_s.value;
-    let velocity = network.channel("velocity.ekf").unwrap().lateness_s.value;
-    let expected = expected_residual(&network, "position.gps", "velocity.ekf", position).unwrap();
-    assert!((expected.value + velocity).abs() < 1e-12);
-    let separate = network.channel("velocity.ekf").unwrap().lateness_s.standard_uncertainty.unwrap();
-    assert!(expected.standard_uncertainty.unwrap() < separate.hypot(0.008), "the datum cancels");
-}
-
-#[test]
 fn the_channel_map_overrides_the_name() {
     let pairs = [position_velocity(("position.gps", 0.1), ("velocity.ekf", 0.0), 0.001)];
     let lineage = |name: &str| if name == "velocity.ekf" { Lineage::Measured } else { lineage_from_name(name) };
     let network = solve(&pairs, &lineage, &NetworkSettings::default()).unwrap();
     assert_eq!(network.effects[0].name.kind, EffectKind::MeasuredMeasured);
     assert!(!network.channel("velocity.ekf").unwrap().derived);
-}
-
-#[test]
-fn loops_close_within_the_model_uncertainty() {
-    let network = solved(&delorean());
-    assert_eq!(network.loops.len(), 1);
-    let round = &network.loops[0];
-    assert_eq!(round.channels.len(), 4);
-    let sum = 0.145_57 - 0.002_294 - 0.201_972 - 0.000_178;
-    assert!((round.misclosure_s.value.abs() - f64::abs(sum)).abs() < 1e-12);
-    let z = round.misclosure_s.value / round.misclosure_s.standard_uncertainty.unwrap();
-    assert!((z * z - network.chi2).abs() < 1e-6, "one loop: its z² is the χ²");
 }
 
 #[test]
@@ -391,18 +357,6 @@ fn the_best_attitude_serves_all_velocities_and_others_are_listed() {
     assert!(network.unused_pairs.iter().all(|pair| pair.why.contains("the same IMU")));
     let every = NetworkSettings { every_attitude: true, ..NetworkSettings::default() };
     assert!(solve(&pairs, &lineage_from_name, &every).unwrap().unused_pairs.is_empty());
-}
-
-#[test]
-fn the_decision_uses_the_network_result() {
-    let network = solved(&delorean());
-    let position = PositionLateness::from_network(&network, "position.gps").unwrap();
-    assert_eq!(position.lateness_s, network.channel("position.gps").unwrap().lateness_s);
-    assert_eq!((position.datum, position.weak), (NetworkDatum::Imu, false));
-    let pair = RelativeLateness::from_network(&network, "position.gps", "velocity.ekf").unwrap();
-    assert!((pair.delay_s.value - (0.201_569 - 0.054_863)).abs() < 1e-5, "not the lateness of the position");
-    assert!(pair.velocity_lateness_s.is_some());
-    assert_eq!(RelativeLateness::from_network(&network, "position.gps", "velocity.none"), None);
 }
 
 #[test]

@@ -132,7 +132,6 @@ fn run(p: &Series, v: &Series) -> Option<DelayOverTime> {
         velocity_north: &v.north,
         velocity_east: &v.east,
         breaks: &[],
-        device_time_s: None,
     };
     analyse(&record, &OverTimeSettings::default()).ok()
 }

@@ -20,8 +20,6 @@ pub struct PositionAgainstVelocity<'a> {
     /// Instants at which the position was reset or the velocity has a gap, s, rising. A new offset starts at each. Gaps
     /// of the velocity are also detected here (over 1 s and four usual intervals).
     pub breaks: &'a [f64],
-    /// The device's own time of each fix, s, on its own clock; `None` if it is not logged.
-    pub device_time_s: Option<&'a [f64]>,
 }
 
 /// Why the input cannot be analysed.
@@ -87,12 +85,6 @@ impl PositionAgainstVelocity<'_> {
         check_channel("velocity", self.velocity_t, &[self.velocity_north, self.velocity_east])?;
         if let Some(row) = self.breaks.iter().position(|b| !b.is_finite()) {
             return Err(CannotAnalyse::BadRow { what: "breaks", row });
-        }
-        if let Some(device) = self.device_time_s
-            && device.len() != self.t.len()
-        {
-            let (stamps, values) = (self.t.len(), device.len());
-            return Err(CannotAnalyse::LengthsDiffer { what: "device time", stamps, values });
         }
         let (first, last) = (span(self.t), span(self.velocity_t));
         let overlap_s = first.1.min(last.1) - first.0.max(last.0);

@@ -36,7 +36,7 @@ mod words;
 pub use crate::input::{CannotAnalyse, PositionAgainstVelocity};
 pub use crate::settings::OverTimeSettings;
 
-use record::{CurvePoint, DelayKind, DelayOverTime, DeviceTime, Estimate};
+use record::{CurvePoint, DelayKind, DelayOverTime, Estimate};
 
 /// How the delay of a position against a velocity behaves over a flight. Positive is late.
 ///
@@ -75,7 +75,6 @@ pub fn analyse(record: &PositionAgainstVelocity, settings: &OverTimeSettings) ->
         late_fixes: found.odd.late.clone(),
         odd_fixes: found.odd.rows.len() as u64,
         bursts: found.queued.bursts.clone(),
-        device_time: device_time(record, &curve),
         curve,
         terms: verdict::terms(&found),
         span_s: verdict.shape.as_ref().map_or(0.0, shape::Shape::span_s),
@@ -88,23 +87,8 @@ pub fn analyse(record: &PositionAgainstVelocity, settings: &OverTimeSettings) ->
         edge_hit: found.map.as_ref().is_some_and(|m| m.edge),
         advice: words::advice(&verdict),
         what_to_fly: words::what_to_fly(&found, &verdict, settings),
-        configured_contradicted: words::contradiction(&found, &verdict, settings),
         fixes_used: found.fixes_used as u64,
         fixes_given: record.t.len() as u64,
         constancy: verdict.constancy,
     })
-}
-
-/// Lateness from the device's own time, and whether it agrees with the motion.
-fn device_time(record: &PositionAgainstVelocity, curve: &[CurvePoint]) -> Option<DeviceTime> {
-    let (lateness, mut summary) = stamps::device_lateness(record.device_time_s?, record.t)?;
-    let (t, delay): (Vec<f64>, Vec<f64>) = curve.iter().map(|p| (p.t_s, p.delay_s)).unzip();
-    if t.len() >= 3 {
-        let difference: Vec<f64> =
-            record.t.iter().zip(&lateness).map(|(at, l)| coarse::interpolate(&t, &delay, *at) - l).collect();
-        let middle = signal::median_in_place(&mut difference.clone())?;
-        let square = difference.iter().map(|d| (d - middle).powi(2)).sum::<f64>() / difference.len() as f64;
-        summary.disagreement_rms_s = Some(square.sqrt());
-    }
-    Some(summary)
 }

@@ -25,10 +25,6 @@ pub struct OverTimeSettings {
     pub known_limit_s: f64,
     /// Delays below this count as zero, s.
     pub on_time_margin_s: f64,
-    /// Configured delay of the flight, s; tested against the measured one.
-    pub configured_delay_s: Option<f64>,
-    /// Least difference from the configured delay that refutes it, s.
-    pub configured_tolerance_s: f64,
     /// Random draws per probability.
     pub draws: usize,
     /// Maximum number of fixes in the fit; more are thinned.
@@ -49,8 +45,6 @@ impl Default for OverTimeSettings {
             detectable_limit_s: 0.15,
             known_limit_s: 0.05,
             on_time_margin_s: 0.02,
-            configured_delay_s: None,
-            configured_tolerance_s: 0.03,
             draws: 4000,
             most_fixes: 6000,
         }

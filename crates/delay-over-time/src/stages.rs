@@ -354,7 +354,6 @@ mod tests {
             velocity_north: &column(&velocity, 0),
             velocity_east: &column(&velocity, 1),
             breaks: &[],
-            device_time_s: None,
         };
         run(&record, &OverTimeSettings::default()).search_s
     }

@@ -1,6 +1,6 @@
 //! What timestamps show before any motion is examined (S0).
 
-use record::{Burst, DeviceTime};
+use record::Burst;
 
 /// Share of the usual interval below which a fix was queued after the previous one.
 const QUEUED_SHARE: f64 = 0.2;
@@ -54,23 +54,6 @@ pub(crate) fn queued(t: &[f64], usual_s: f64) -> Queued {
     Queued { rows, bursts }
 }
 
-/// Lateness above the minimum from the device's own time, one value per fix.
-pub(crate) fn device_lateness(device_s: &[f64], arrival_s: &[f64]) -> Option<(Vec<f64>, DeviceTime)> {
-    let line = signal::lower_hull(device_s, arrival_s)?;
-    let mut sorted = line.latency.clone();
-    sorted.sort_unstable_by(f64::total_cmp);
-    let at = |share: f64| signal::percentile_of_sorted(&sorted, share).unwrap_or(0.0);
-    let summary = DeviceTime {
-        skew: line.skew,
-        median_s: at(0.5),
-        percentile_95_s: at(0.95),
-        largest_s: at(1.0),
-        disagreement_rms_s: None,
-    };
-    let finite = [summary.skew, summary.median_s, summary.largest_s].iter().all(|x| x.is_finite());
-    finite.then_some((line.latency, summary))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -92,14 +75,5 @@ mod tests {
         let t: Vec<f64> = (0..100).map(|k| 0.2 * f64::from(k / 2) + 0.01 * f64::from(k % 2)).collect();
         let found = queued(&t, 0.1);
         assert!(found.bursts.is_empty() && !found.rows.contains(&true));
-    }
-
-    #[test]
-    fn the_device_clock_shows_a_growing_lateness() {
-        let device: Vec<f64> = (0..600).map(|k| 0.2 * f64::from(k)).collect();
-        let late = |s: f64| if (60.0..90.0).contains(&s) { 0.05 + 0.01 * (s - 60.0) } else { 0.05 };
-        let arrival: Vec<f64> = device.iter().map(|s| s + 1e5 + late(*s)).collect();
-        let (_, summary) = device_lateness(&device, &arrival).unwrap();
-        assert!((summary.largest_s - 0.3).abs() < 0.01 && summary.median_s < 1e-3, "{summary:?}");
     }
 }

@@ -249,35 +249,6 @@ fn clock_skew(found: &Found, v: &Verdict) -> Option<String> {
     })
 }
 
-/// Why the configured delay is refuted.
-pub(crate) fn contradiction(found: &Found, v: &Verdict, settings: &OverTimeSettings) -> Option<String> {
-    let configured = settings.configured_delay_s.filter(|d| d.is_finite())?;
-    if v.kind == DelayKind::CannotTell {
-        return None;
-    }
-    let (low, high) = match &v.shape {
-        Some(s) => (s.least_s, s.most_s),
-        None => v.level.map(|l| (l.size, l.size))?,
-    };
-    let worst = (low - configured).abs().max((high - configured).abs());
-    let spread = v.level.map_or(0.0, |l| l.uncertainty.hypot(v.widening_s));
-    // Two-sided p = 1e-3 of a normal distribution; a delay that varies has been tested already.
-    let sure = v.kind.varies() || (low - configured).abs() > 3.29 * spread;
-    (sure && worst >= settings.configured_tolerance_s).then(|| {
-        let measured = if v.shape.is_some() {
-            format!("{} to {}", milliseconds(low), milliseconds(high))
-        } else {
-            v.level.and_then(estimate).map_or(String::new(), plus_minus)
-        };
-        format!(
-            "Configured {}; measured {measured}. The largest error of the position is {:.1} m at {:.0} m/s.",
-            milliseconds(configured),
-            worst * found.motion.fast_mps,
-            found.motion.fast_mps
-        )
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -431,27 +402,5 @@ mod tests {
         f.test.as_mut().unwrap().all.inflation = 2.0;
         f.noise.white_m = 1.5 * speed;
         assert!(what_to_fly(&f, &judged(&f), &settings).unwrap().starts_with("Fly 10 minutes"));
-    }
-
-    /// The tolerance is 30 ms plus 3.29 standard uncertainties of the level.
-    #[test]
-    fn a_configured_delay_is_refuted_by_a_significant_difference() {
-        let against = |f: &Found, configured: f64| {
-            let settings = OverTimeSettings { configured_delay_s: Some(configured), ..OverTimeSettings::default() };
-            contradiction(f, &judged(f), &settings)
-        };
-        let f = found(&[0.2; 12], 1e-3);
-        let text = against(&f, 0.1).unwrap();
-        let (fast, error) = (f.motion.fast_mps, 0.1 * f.motion.fast_mps);
-        let end = format!("The largest error of the position is {error:.1} m at {fast:.0} m/s.");
-        assert_eq!(text, format!("Configured 100 ms; measured 200.0 ± 0.6 ms. {end}"));
-        assert!(against(&f, 0.171).is_none() && against(&f, 0.169).is_some() && against(&f, 0.231).is_some());
-        // Twelve windows of 50 ms: 3.29 · 50 / √12 ms are 47 ms.
-        let rough = found(&[0.2; 12], 0.05);
-        assert!(against(&rough, 0.155).is_none() && against(&rough, 0.15).is_some());
-        let steps = described(&[(Step, 120.0, 0.3)], 0.2);
-        let text = against(&steps, 0.2).unwrap();
-        assert!(text.starts_with("Configured 200 ms; measured 200 ms to 500 ms."), "{text}");
-        assert!(text.contains(&format!("{:.1} m at", 0.3 * fast)), "{text}");
     }
 }

@@ -102,18 +102,12 @@ pub struct DelayNetwork {
     pub p: Option<f64>,
     /// Factor applied to all uncertainties: above 1 only with verdict `scattered`.
     pub birge: f64,
-    /// Fundamental loops: one per pair outside the minimum-uncertainty spanning tree.
-    pub loops: Vec<DelayLoop>,
     /// Effects with their tests.
     pub effects: Vec<NetworkEffect>,
     /// Pairs used, sorted by kind and names.
     pub used_pairs: Vec<UsedPair>,
     /// Pairs not used, with the reason.
     pub unused_pairs: Vec<UnusedPair>,
-    /// Pairs that would connect separate parts or provide a datum.
-    pub suggestions: Vec<PairSuggestion>,
-    /// Latenesses against references not used in the network.
-    pub judged: Vec<ReferenceJudgement>,
 }
 
 impl DelayNetwork {
@@ -162,16 +156,6 @@ pub struct ChannelLateness {
     pub rests_on: Option<String>,
 }
 
-/// Loop of pairs whose delays should add up to zero.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(JsonSchema))]
-pub struct DelayLoop {
-    /// Channels in order around the loop; the last connects to the first.
-    pub channels: Vec<String>,
-    /// Sum of the delays around the loop, s, with the uncertainty according to the model.
-    pub misclosure_s: Estimate,
-}
-
 /// Effect with its test and its reliability.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
@@ -218,34 +202,6 @@ pub struct UnusedPair {
     pub second: String,
     /// Reason.
     pub why: String,
-}
-
-/// Pair that would improve the network.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(JsonSchema))]
-pub struct PairSuggestion {
-    /// First channel, or a channel to log.
-    pub first: String,
-    /// Second channel, or a channel to log.
-    pub second: String,
-    /// What it would provide, and what prevents it, in words.
-    pub words: String,
-}
-
-/// Lateness checked against a reference that was not used to estimate it (section 3.4).
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(JsonSchema))]
-pub struct ReferenceJudgement {
-    /// Channel checked.
-    pub channel: String,
-    /// Reference.
-    pub reference: String,
-    /// Lateness against the reference, s.
-    pub reference_s: Estimate,
-    /// Network less reference, s.
-    pub error_s: Estimate,
-    /// `|error| / (1.96 u)`: they agree if it is at most 1.
-    pub e_n: f64,
 }
 
 /// Mean lateness of one channel over the flights of a group (section 5).
@@ -397,8 +353,6 @@ pub enum RemovedFrom {
     Stated,
     /// Position less velocity of this flight.
     Pair,
-    /// The best delay of the sweep against the flight's reference.
-    Sweep,
     /// Nothing is removed.
     None,
 }
@@ -427,8 +381,6 @@ pub struct RemovedDelay {
     pub z: Option<f64>,
     /// E_n between the card and the flights; `None` without either.
     pub card_e_n: Option<f64>,
-    /// E_n between the value removed and the reference; `None` without either.
-    pub reference_e_n: Option<f64>,
     /// Evidence in the flights against the stated value or the requested card; `None` if there is none.
     pub contradicted: Option<String>,
 }

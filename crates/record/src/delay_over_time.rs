@@ -128,12 +128,6 @@ pub struct DelayOverTime {
     /// Recommended flight to learn more; `None` if nothing is missing.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub what_to_fly: Option<String>,
-    /// How this flight refutes the configured delay; `None` if it does not, or if no delay is configured.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub configured_contradicted: Option<String>,
-    /// Comparison with the device's own time; `None` if it is not logged.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub device_time: Option<DeviceTime>,
     /// Number of fixes used, after excluding bursts and outliers and thinning.
     pub fixes_used: u64,
     /// Number of fixes in the input.
@@ -252,21 +246,4 @@ pub struct DelayTerm {
     pub size: f64,
     /// Standard uncertainty of the size, same unit.
     pub standard_uncertainty: f64,
-}
-
-/// Lateness from the device's own time, which needs no motion.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(JsonSchema))]
-pub struct DeviceTime {
-    /// Rate of the arrival clock relative to the device clock, less 1, s/s.
-    pub skew: f64,
-    /// Median lateness above the minimum, s.
-    pub median_s: f64,
-    /// 95th percentile of the lateness above the minimum, s.
-    pub percentile_95_s: f64,
-    /// Largest lateness above the minimum, s.
-    pub largest_s: f64,
-    /// Rms disagreement with the delay that the motion shows, about its median, s; `None` if it cannot be compared.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub disagreement_rms_s: Option<f64>,
 }

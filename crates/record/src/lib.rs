@@ -53,12 +53,11 @@ pub use crate::criteria::{
     FlightCriteria, Limit, PassRate, RowVerdict, RowVerdicts, VerdictTally,
 };
 pub use crate::delay_network::{
-    ChannelLateness, DelayLoop, DelayNetwork, DelayPool, EffectKind, EffectName, FlightsDiffer, GroupSplit,
-    NetworkDatum, NetworkEffect, NetworkVerdict, PairSuggestion, PoolMean, PoolMember, ReferenceJudgement,
-    RemovedDelay, RemovedFrom, UnusedPair, UsedPair,
+    ChannelLateness, DelayNetwork, DelayPool, EffectKind, EffectName, FlightsDiffer, GroupSplit, NetworkDatum,
+    NetworkEffect, NetworkVerdict, PoolMean, PoolMember, RemovedDelay, RemovedFrom, UnusedPair, UsedPair,
 };
 pub use crate::delay_over_time::{
-    Burst, Constancy, CurvePoint, DelayJitter, DelayKind, DelayOverTime, DelayTerm, DelayTermKind, DeviceTime, LateFix,
+    Burst, Constancy, CurvePoint, DelayJitter, DelayKind, DelayOverTime, DelayTerm, DelayTermKind, LateFix,
 };
 pub use crate::doubt::{
     COUNTS_OR_STAMPS_WRONG, DELAY_CHANGES, ENCODER_RESIDUAL, ENCODER_SIGN, ENCODER_SLIP, SIDE_OF_PIVOT,

@@ -13,14 +13,6 @@ pub struct HullLine {
     pub latency: Vec<f64>,
 }
 
-impl HullLine {
-    /// Logger time of the earliest possible arrival of a sample of this device time, s.
-    #[must_use]
-    pub fn arrival_at(&self, device_s: f64) -> f64 {
-        device_s + self.offset_at_middle_s + self.skew * (device_s - self.middle_s)
-    }
-}
-
 /// The edge over the middle of the lower convex hull of (device, arrival − device). For evenly spread timestamps this
 /// is the line under all points that is nearest to them on average, which is the maximum likelihood line for
 /// exponential latency. Device timestamps may be out of order or repeat.
@@ -110,7 +102,6 @@ mod tests {
         for (found, expected) in line.latency.iter().zip([0.4, 0.0, 0.2, 0.0, 0.5, 0.0]) {
             assert!((found - expected).abs() < 1e-12, "{found} {expected}");
         }
-        assert!((line.arrival_at(10.0) - 10.1).abs() < 1e-12);
     }
 
     #[test]

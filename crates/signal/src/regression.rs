@@ -77,12 +77,6 @@ impl Regression {
     pub fn standard_uncertainty(&self, column: usize) -> f64 {
         self.covariance[column][column].sqrt()
     }
-
-    /// Root mean square of the residuals, over the degrees of freedom.
-    #[must_use]
-    pub fn residual_deviation(&self) -> f64 {
-        (self.residuals.iter().map(|r| r * r).sum::<f64>() / self.degrees_of_freedom as f64).sqrt()
-    }
 }
 
 /// Columns whose condition number, scaled to unit length, exceeds this are not distinguished.
@@ -270,7 +264,7 @@ mod tests {
         for (found, expected) in found.coefficients.iter().zip([3.0, -2.0, 1e-9]) {
             assert!((found / expected - 1.0).abs() < 1e-10, "{found} {expected}");
         }
-        assert!(found.condition < 10.0 && found.residual_deviation() < 1e-10);
+        assert!(found.condition < 10.0 && found.residuals.iter().all(|r| r.abs() < 1e-10));
     }
 
     /// White residuals have the textbook uncertainty. Each of 100 trials knows its variance to √(2/500); the mean ratio

@@ -70,54 +70,6 @@ pub fn resolution(y: &[f64]) -> Option<f64> {
     grid.then(|| fitting.iter().sum::<f64>() / multiples)
 }
 
-/// The most frequent number of consecutive rows with the same value, the shorter in a tie; truncated runs at the ends
-/// do not count. `None` without a whole run.
-#[must_use]
-pub fn modal_repeat_length(y: &[f64]) -> Option<usize> {
-    let mut lengths: Vec<usize> = y.chunk_by(|a, b| a == b).map(<[f64]>::len).collect();
-    lengths.pop();
-    let whole = lengths.get_mut(1..)?;
-    whole.sort_unstable();
-    whole.chunk_by(|a, b| a == b).rev().max_by_key(|same| same.len()).map(|same| same[0])
-}
-
-/// One point of an Allan deviation.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct AllanPoint {
-    /// Averaging time, s.
-    pub tau_s: f64,
-    /// Overlapping Allan deviation, unit of the series.
-    pub deviation: f64,
-    /// Number of differences averaged.
-    pub differences: usize,
-}
-
-/// Overlapping Allan deviation of a series sampled every `step_s`, at averaging times doubling from one
-/// step to a ninth of the record: σ²(mτ₀) = ½⟨(ȳₖ₊ₘ − ȳₖ)²⟩ (IEEE 952; NIST SP 1065, eq. 11).
-/// Empty for fewer than nine rows.
-#[must_use]
-pub fn allan_deviation(y: &[f64], step_s: f64) -> Vec<AllanPoint> {
-    let longest = y.len() / 9;
-    let mut sums = Vec::with_capacity(y.len() + 1);
-    let mut total = 0.0;
-    sums.push(total);
-    for value in y {
-        total += value;
-        sums.push(total);
-    }
-    std::iter::successors(Some(1), |m| Some(2 * m))
-        .take_while(|&m| m <= longest)
-        .map(|m| allan_point(&sums, m, step_s))
-        .collect()
-}
-
-/// From running sums, averages over `m` rows.
-fn allan_point(sums: &[f64], m: usize, step_s: f64) -> AllanPoint {
-    let differences = sums.len() - 2 * m;
-    let squares: f64 = sums.windows(2 * m + 1).map(|s| ((s[2 * m] - 2.0 * s[m] + s[0]) / m as f64).powi(2)).sum();
-    AllanPoint { tau_s: m as f64 * step_s, deviation: (0.5 * squares / differences as f64).sqrt(), differences }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -172,40 +124,5 @@ mod tests {
         assert_eq!(resolution(&[4.0; 30]), None);
         assert_eq!(resolution(&[]), None);
         assert_eq!(resolution(&[1.0, 3.0, 1.0, f64::NAN]), Some(2.0));
-    }
-
-    #[test]
-    fn the_usual_run_length_is_the_number_of_repeats_of_a_value() {
-        let held: Vec<f64> = (0..1003).map(|k| f64::from(k / 25)).collect();
-        assert_eq!(modal_repeat_length(&held), Some(25));
-        assert_eq!(modal_repeat_length(&noise(100, 1)), Some(1));
-        assert_eq!(modal_repeat_length(&[1.0; 100]), None);
-        assert_eq!(modal_repeat_length(&[1.0, 2.0]), None);
-        assert_eq!(modal_repeat_length(&[]), None);
-    }
-
-    /// The test suite of NIST SP 1065, table 31: 1000 numbers of a multiplicative generator. The
-    /// deviation at 1 s (0.2922319) is printed there; those at 2 and 64 s are by the definition.
-    #[test]
-    fn the_allan_deviation_equals_that_of_the_nist_test_suite() {
-        let mut state = 1_234_567_890_u64;
-        let y: Vec<f64> = (0..1000)
-            .map(|_| {
-                let value = state as f64 / 2_147_483_647.0;
-                state = 16_807 * state % 2_147_483_647;
-                value
-            })
-            .collect();
-        let points = allan_deviation(&y, 1.0);
-        assert_eq!(points.len(), 7);
-        assert!((points[0].deviation - 0.292_231_9).abs() < 1e-7, "{}", points[0].deviation);
-        for m in [2_usize, 64] {
-            let mean = |k: usize| y[k..k + m].iter().sum::<f64>() / m as f64;
-            let count = 1000 - 2 * m + 1;
-            let squares: f64 = (0..count).map(|k| (mean(k + m) - mean(k)).powi(2)).sum();
-            let point = points.iter().find(|p| p.tau_s == m as f64).unwrap();
-            assert!((point.deviation - (0.5 * squares / count as f64).sqrt()).abs() < 1e-12);
-            assert_eq!(point.differences, count);
-        }
     }
 }

@@ -1,25 +1,8 @@
 //! Damage as found in real logs.
 
-use crate::random::generator;
-use rand::RngExt;
-
 /// Keeps the first `share` (0 to 1) of the bytes: a recorder that lost power.
 pub fn cut_off(bytes: &mut Vec<u8>, share: f64) {
     bytes.truncate(place(bytes.len(), share));
-}
-
-/// Flips `count` bits at random places among the `length` bytes starting at `share` of the file: a bad sector, or
-/// memory.
-pub fn flip_bits(bytes: &mut [u8], share: f64, length: usize, count: usize, seed: u64) {
-    let range = block(bytes.len(), share, length);
-    if range.is_empty() {
-        return;
-    }
-    let mut random = generator(seed, "damage");
-    for _ in 0..count {
-        let at = random.random_range(range.clone());
-        bytes[at] ^= 1 << random.random_range(0..8);
-    }
 }
 
 /// Overwrites `length` bytes starting at `share` of the file with zeros: a block that never reached the disk.
@@ -50,19 +33,9 @@ mod tests {
     }
 
     #[test]
-    fn flipped_bits_stay_in_their_block() {
-        let mut bytes = vec![0_u8; 1000];
-        flip_bits(&mut bytes, 0.5, 10, 5, 1);
-        assert!(bytes[500..510].iter().any(|b| *b != 0));
-        assert!(bytes[..500].iter().chain(&bytes[510..]).all(|b| *b == 0));
-    }
-
-    #[test]
     fn a_block_beyond_the_end_is_truncated_there() {
         let mut bytes = vec![1_u8; 10];
         zero_block(&mut bytes, 0.8, 100);
         assert_eq!(bytes, [1, 1, 1, 1, 1, 1, 1, 1, 0, 0]);
-        flip_bits(&mut bytes, 1.0, 10, 3, 1);
-        assert_eq!(bytes[..8], [1; 8]);
     }
 }

@@ -41,7 +41,7 @@ pub use bench::{
     BenchTruth, ClockError, Encoder, EncoderOutput, EncoderSamples, FlexibleBar, Mount, Outliers, PulseSamples, Pulses,
     RigText, SimulatedBench, Site, Swing, simulate_bench, write_bench_demo,
 };
-pub use damage::{cut_off, flip_bits, zero_block};
+pub use damage::{cut_off, zero_block};
 pub use demo::{DemoFlight, DemoManifest, TRUTH_FILE, write_campaign, write_demo};
 pub use error::SimulateError;
 pub use presets::LikeCase;

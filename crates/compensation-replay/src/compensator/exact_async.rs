@@ -1,9 +1,7 @@
 //! The exact form for any rates and drop-outs, sample by sample.
 
-use crate::compensator::exact_fir::integral_state;
-use crate::compensator::filtered::fix_state;
 use crate::compensator::velocity_integral::VelocityIntegral;
-use crate::compensator::{Compensator, FeedError, POSITION, StateValue, VELOCITY, check};
+use crate::compensator::{Compensator, FeedError, POSITION, VELOCITY, check};
 use record::StartRule;
 
 #[derive(Debug, Clone, Copy)]
@@ -95,18 +93,5 @@ impl Compensator for StreamingAsync {
 
     fn interpolates(&self) -> bool {
         true
-    }
-
-    fn state(&self) -> Vec<StateValue> {
-        let mut state = integral_state(&self.flown);
-        if let Some(anchor) = self.anchor {
-            state.extend(fix_state(Some((anchor.stamp, anchor.position))));
-            state.extend(anchor.integral.map(|i| StateValue::new("flown until the position was true", i, "m")));
-        }
-        state
-    }
-
-    fn snapshot(&self) -> Box<dyn Compensator> {
-        Box::new(self.clone())
     }
 }

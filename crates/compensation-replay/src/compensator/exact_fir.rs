@@ -1,8 +1,7 @@
 //! The exact form on a held position.
 
-use crate::compensator::filtered::fix_state;
 use crate::compensator::velocity_integral::VelocityIntegral;
-use crate::compensator::{Compensator, FeedError, POSITION, StateValue, VELOCITY, check};
+use crate::compensator::{Compensator, FeedError, POSITION, VELOCITY, check};
 use record::StartRule;
 
 /// `x_est(t) = x_m(t) + ∫_{t−Td}^{t} v dτ` with the newest position for `x_m` (design note 5.1). This is
@@ -62,28 +61,4 @@ impl Compensator for ExactFir {
     fn interpolates(&self) -> bool {
         true
     }
-
-    fn state(&self) -> Vec<StateValue> {
-        let newest = self.flown.newest();
-        let mut state = integral_state(&self.flown);
-        let window = newest.and_then(|t| Some(self.flown.at(t)? - self.flown.at(t - self.delay_s)?));
-        state.extend(window.map(|d| StateValue::new("displacement", d, "m")));
-        state.extend(fix_state(self.fix));
-        state
-    }
-
-    fn snapshot(&self) -> Box<dyn Compensator> {
-        Box::new(self.clone())
-    }
-}
-
-/// Newest velocity and its integral since the start, as state.
-pub(crate) fn integral_state(flown: &VelocityIntegral) -> Vec<StateValue> {
-    let Some((t, v)) = flown.newest().zip(flown.newest_velocity()) else { return vec![] };
-    let since_start = flown.at(t).unwrap_or_default();
-    vec![
-        StateValue::new("velocity stamp", t, "s"),
-        StateValue::new("velocity", v, "m/s"),
-        StateValue::new("flown since the start", since_start, "m"),
-    ]
 }

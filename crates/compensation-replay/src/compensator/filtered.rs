@@ -1,6 +1,6 @@
 //! Position with gain 1, plus the displacement that a filter computes from velocity.
 
-use crate::compensator::{Compensator, FeedError, POSITION, StateValue, VELOCITY, check};
+use crate::compensator::{Compensator, FeedError, POSITION, VELOCITY, check};
 use record::StartRule;
 use std::fmt::Debug;
 
@@ -20,9 +20,6 @@ pub trait VelocityFilter: Debug + Clone + Send {
 
     /// The displacement after the last step, m.
     fn displacement(&self) -> f64;
-
-    /// State values, by name.
-    fn state(&self) -> Vec<StateValue>;
 }
 
 /// A [`VelocityFilter`] as a [`Compensator`]: `x_est = newest position + displacement at the newest velocity`.
@@ -86,19 +83,4 @@ impl<F: VelocityFilter + 'static> Compensator for Filtered<F> {
         let (_, position) = self.fix.filter(|_| t >= self.valid_from)?;
         Some(position + self.filter.displacement())
     }
-
-    fn state(&self) -> Vec<StateValue> {
-        let mut state = self.filter.state();
-        state.extend(fix_state(self.fix));
-        state
-    }
-
-    fn snapshot(&self) -> Box<dyn Compensator> {
-        Box::new(self.clone())
-    }
-}
-
-/// The newest position, as state.
-pub(crate) fn fix_state(fix: Option<(f64, f64)>) -> Vec<StateValue> {
-    fix.map_or(vec![], |(t, p)| vec![StateValue::new("position stamp", t, "s"), StateValue::new("position", p, "m")])
 }

@@ -1,7 +1,7 @@
 //! The causal filter for a late position.
 
 use crate::compensator::white_jerk::{Belief, KalmanSettings};
-use crate::compensator::{Compensator, FeedError, POSITION, StateValue, VELOCITY, check};
+use crate::compensator::{Compensator, FeedError, POSITION, VELOCITY, check};
 use record::StartRule;
 use std::collections::VecDeque;
 
@@ -151,25 +151,5 @@ impl Compensator for DelayedKalman {
             return None;
         }
         self.head.map(|head| head.position_at(t))
-    }
-
-    fn state(&self) -> Vec<StateValue> {
-        let belief = |name: &str, belief: &Belief| {
-            let sigma = |k: usize| belief.covariance[(k, k)].max(0.0).sqrt();
-            vec![
-                StateValue::new(format!("{name} at"), belief.t, "s"),
-                StateValue::new(format!("{name} position"), belief.mean[0], "m"),
-                StateValue::new(format!("{name} velocity"), belief.mean[1], "m/s"),
-                StateValue::new(format!("{name} acceleration"), belief.mean[2], "m/s²"),
-                StateValue::new(format!("{name} position sigma"), sigma(0), "m"),
-                StateValue::new(format!("{name} velocity sigma"), sigma(1), "m/s"),
-            ]
-        };
-        let tail = self.tail.iter().flat_map(|b| belief("tail", b));
-        tail.chain(self.head.iter().flat_map(|b| belief("head", b))).collect()
-    }
-
-    fn snapshot(&self) -> Box<dyn Compensator> {
-        Box::new(self.clone())
     }
 }

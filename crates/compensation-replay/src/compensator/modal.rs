@@ -1,7 +1,7 @@
 //! Any Padé form at any step, mode by mode.
 
+use crate::compensator::PadeForm;
 use crate::compensator::filtered::VelocityFilter;
-use crate::compensator::{PadeForm, StateValue};
 use nalgebra::Complex;
 use record::StartRule;
 
@@ -198,16 +198,6 @@ impl VelocityFilter for ModalFilter {
 
     fn displacement(&self) -> f64 {
         self.output
-    }
-
-    fn state(&self) -> Vec<StateValue> {
-        let mode = |(k, mode): (usize, &ModeState)| {
-            [("re", mode.z.re), ("im", mode.z.im)].map(|(part, z)| StateValue::new(format!("mode {k} {part}"), z, "m"))
-        };
-        let mut out: Vec<StateValue> = self.modes.iter().enumerate().flat_map(mode).collect();
-        out.push(StateValue::new("velocity", self.velocity, "m/s"));
-        out.push(StateValue::new("displacement", self.output, "m"));
-        out
     }
 }
 

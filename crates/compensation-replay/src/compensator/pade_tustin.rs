@@ -1,6 +1,5 @@
 //! The paper's compensator as an implementation of the common trait.
 
-use crate::compensator::StateValue;
 use crate::compensator::filtered::VelocityFilter;
 use crate::pade::PadeTustin;
 use record::StartRule;
@@ -46,12 +45,5 @@ impl VelocityFilter for PaperFilter {
 
     fn displacement(&self) -> f64 {
         self.filter.output()
-    }
-
-    fn state(&self) -> Vec<StateValue> {
-        vec![
-            StateValue::new("velocity", self.velocity, "m/s"),
-            StateValue::new("displacement", self.filter.output(), "m"),
-        ]
     }
 }

@@ -43,7 +43,6 @@ pub(crate) fn over_time(
         velocity_north: &velocity.axes[0],
         velocity_east: &velocity.axes[1],
         breaks: &breaks,
-        device_time_s: None,
     };
     let (search, wide) = (settings.search_s, settings.wide_search_s);
     let settings = OverTimeSettings {

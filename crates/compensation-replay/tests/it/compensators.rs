@@ -328,7 +328,7 @@ fn rejected_samples_leave_the_state_unchanged() {
         assert_eq!(compensator.output(0.0), None, "{name}: no output without a position");
         compensator.velocity(0.01, 11.0).unwrap();
         compensator.position(0.005, 3.0).unwrap();
-        let before = (compensator.output(0.02), compensator.state());
+        let before = [0.02, 0.07].map(|t| compensator.output(t));
         for error in [
             compensator.velocity(0.01, 12.0),
             compensator.velocity(0.005, 12.0),
@@ -339,32 +339,7 @@ fn rejected_samples_leave_the_state_unchanged() {
         ] {
             assert!(matches!(error, Err(FeedError::NotLater { .. } | FeedError::NotFinite { .. })), "{name} {error:?}");
         }
-        assert_eq!((compensator.output(0.02), compensator.state()), before, "{name}");
-    }
-}
-
-#[test]
-fn a_snapshot_continues_with_the_same_bits() {
-    let (t, v) = irregular(300);
-    for name in causal() {
-        let mut original = build(&name, 0.4, 0.02);
-        original.start(t[0], v[0], StartRule::Warm).unwrap();
-        let mut copy: Option<Box<dyn Compensator>> = None;
-        for k in 1..t.len() {
-            for compensator in std::iter::once(&mut original).chain(copy.as_mut()) {
-                compensator.velocity(t[k], v[k]).unwrap();
-                if k % 7 == 0 {
-                    compensator.position(t[k], v[k]).unwrap();
-                }
-            }
-            if k == 150 {
-                copy = Some(original.snapshot());
-            }
-            if let Some(copy) = &copy {
-                assert_eq!(copy.output(t[k]), original.output(t[k]), "{name}");
-                assert_eq!(copy.state(), original.state(), "{name}");
-            }
-        }
+        assert_eq!([0.02, 0.07].map(|t| compensator.output(t)), before, "{name}");
     }
 }
 

@@ -76,11 +76,10 @@ pub(crate) fn without_own_delay(flight: &FlightSources, evidence: &Evidence, sou
 
 /// Row 9.
 pub(crate) fn pair(pair: &RelativeLateness) -> String {
-    let late = match pair.velocity_lateness_s {
-        Some(tv) => format!("which is {} late", with_uncertainty(tv)),
-        None => "the lateness of which is unknown".to_owned(),
-    };
-    format!("Aligns the position with {}, {late}. The residual is zero by construction.", pair.velocity)
+    let velocity = &pair.velocity;
+    format!(
+        "Aligns the position with {velocity}, the lateness of which is unknown. The residual is zero by construction."
+    )
 }
 
 /// How the flights contradict a number; `None` within 3 standard uncertainties. `by` names whose measurement it is.

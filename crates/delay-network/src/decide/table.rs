@@ -22,7 +22,7 @@ pub(crate) struct Choice {
 
 impl Choice {
     fn new(row: u8, source: RemovedFrom, delay_s: Option<Estimate>, words: String) -> Choice {
-        let circular = matches!(source, RemovedFrom::OwnNetwork | RemovedFrom::Pair | RemovedFrom::Sweep);
+        let circular = matches!(source, RemovedFrom::OwnNetwork | RemovedFrom::Pair);
         let source = if delay_s.is_some() { source } else { RemovedFrom::None };
         Choice { row, source, delay_s, circular, pooled: 0, words, contradicted: None, card_e_n: None }
     }
@@ -71,9 +71,6 @@ impl Table<'_> {
             pooled_flights: u32::try_from(choice.pooled).unwrap_or(u32::MAX),
             z: self.evidence.z,
             card_e_n: choice.card_e_n,
-            reference_e_n: delay_s
-                .zip(self.flight.reference_s.filter(sound))
-                .and_then(|(delay_s, truth)| e_n(delay_s, truth)),
             contradicted: choice.contradicted,
         }
     }
@@ -178,14 +175,7 @@ impl Table<'_> {
 
     /// Row 10 if the sweep was requested.
     fn sweep(&self) -> Choice {
-        match self.flight.sweep_s.filter(sound) {
-            Some(best) => {
-                let text =
-                    "The best delay against this flight's own reference: its error is the least by construction.";
-                Choice::new(10, RemovedFrom::Sweep, Some(best), text.to_owned())
-            }
-            None => Choice::nothing(10, "There is no sweep against a reference in this flight. Nothing is removed."),
-        }
+        Choice::nothing(10, "There is no sweep against a reference in this flight. Nothing is removed.")
     }
 
     /// Card with an uncertainty.

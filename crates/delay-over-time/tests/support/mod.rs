@@ -105,7 +105,6 @@ impl Flight {
             velocity_north: &self.velocity_north,
             velocity_east: &self.velocity_east,
             breaks: &[],
-            device_time_s: None,
         }
     }
 

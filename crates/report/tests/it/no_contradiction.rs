@@ -277,12 +277,9 @@ fn channels_without_a_datum_have_differences_but_no_lateness() {
         degrees_of_freedom: 0,
         p: None,
         birge: 1.0,
-        loops: vec![],
         effects: vec![],
         used_pairs: vec![],
         unused_pairs: vec![],
-        suggestions: vec![],
-        judged: vec![],
     };
     let section = |relative_to| {
         let html = page(&FlightRecord { network: Some(network(relative_to)), ..record() });
