@@ -4,12 +4,13 @@
 
 use crate::kinematics::rotation;
 use crate::rig_file::{
-    AnalysisTable, BarTable, CardTable, ClockTable, EncoderTable, MountName, MountTable, RigFile, SiteTable,
-    StampsName, StatedField,
+    AnalysisTable, BarTable, CardTable, ClockTable, EncoderTable, MountTable, RigFile, SiteTable, StatedField,
 };
 use nalgebra::{Matrix3, Vector3};
 use record::{RigUse, SensorIdentity};
-use serde::Serialize;
+#[cfg(feature = "schema")]
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use settings::{Refused, SettingsFile};
 use std::path::{Path, PathBuf};
 use toml::Spanned;
@@ -30,14 +31,15 @@ pub struct RigError {
 }
 
 /// Position of the sensor on the bar at bar angle zero.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum MountKind {
-    /// Above the pivot.
+    /// Above the pivot: lever arm (0, 0, -length), as Park & Lee 2010.
     Upright,
-    /// Below the pivot, sensor upright.
+    /// Below the pivot, sensor upright: lever arm (0, 0, +length).
     Hanging,
-    /// As stated by the lever arms.
+    /// Every `mount` entry gives its lever arm.
     Custom,
 }
 
@@ -118,13 +120,14 @@ pub struct ClockRule {
     pub stamps: StampChoice,
 }
 
-/// Timestamps of the sensor used for the measurement.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+/// Kind of timestamps of the sensor that is used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum StampChoice {
-    /// Those chosen by the channel map.
+    /// The kind that the channel map states.
     Auto,
-    /// Validity time stated by the device.
+    /// Time at which the value was true, according to the device.
     Measured,
     /// Time at which the driver sent it.
     Published,
@@ -384,8 +387,8 @@ impl Checker<'_> {
         if *written.schema.get_ref() != 1 {
             return Err(self.fault(&written.schema, "schema must be 1, the only version that this flightlag knows"));
         }
-        let model = match written.sensor.model.get_ref().trim() {
-            "" => Err(self.fault(&written.sensor.model, "sensor.model must name the sensor, such as `Xsens MTi-G`")),
+        let model = match written.sensor.get_ref().model.trim() {
+            "" => Err(self.fault(&written.sensor, "sensor.model must name the sensor, such as `Xsens MTi-G`")),
             _ => Ok(()),
         };
         let lever_arms = self.a_custom_bar_has_lever_arms(&written);
@@ -397,13 +400,7 @@ impl Checker<'_> {
         let resolved = Resolved {
             schema: 1,
             title: written.title,
-            sensor: SensorIdentity {
-                model: written.sensor.model.into_inner(),
-                serial: written.sensor.serial,
-                firmware: written.sensor.firmware,
-                baud: written.sensor.baud,
-                configuration: written.sensor.configuration,
-            },
+            sensor: written.sensor.into_inner(),
             bar: bar?,
             encoder: encoder?,
             site: site?,
@@ -417,7 +414,7 @@ impl Checker<'_> {
 
     /// Without a length along the bar's axis every channel needs its own lever arm.
     fn a_custom_bar_has_lever_arms(&self, written: &RigFile) -> Result<(), Refused> {
-        if *written.bar.mount.get_ref() != MountName::Custom {
+        if *written.bar.mount.get_ref() != MountKind::Custom {
             return Ok(());
         }
         if let Some(without) = written.mount.iter().find(|m| m.lever_arm_m.is_none()) {
@@ -437,11 +434,7 @@ impl Checker<'_> {
         let first_mode_hz = self.optional(&written.first_mode_hz, "bar.first_mode_hz", 0.1, 1000.0);
         Ok(ResolvedBar {
             length_m: length_m?,
-            mount: match written.mount.get_ref() {
-                MountName::Upright => MountKind::Upright,
-                MountName::Hanging => MountKind::Hanging,
-                MountName::Custom => MountKind::Custom,
-            },
+            mount: *written.mount.get_ref(),
             azimuth_deg: azimuth_deg?,
             first_mode_hz: first_mode_hz?,
         })
@@ -520,12 +513,7 @@ impl Checker<'_> {
             }
             name => name.map(Spanned::into_inner),
         };
-        let stamps = match written.stamps.unwrap_or(StampsName::Auto) {
-            StampsName::Auto => StampChoice::Auto,
-            StampsName::Measured => StampChoice::Measured,
-            StampsName::Published => StampChoice::Published,
-            StampsName::Logged => StampChoice::Logged,
-        };
+        let stamps = written.stamps.unwrap_or(StampChoice::Auto);
         Ok(ResolvedClock { shared: written.shared, anchor, stamps })
     }
 

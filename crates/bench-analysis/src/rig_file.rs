@@ -1,5 +1,7 @@
 //! The rig file as its author writes it. Every table refuses keys that it does not know.
 
+use crate::rig::{MountKind, StampChoice};
+use record::SensorIdentity;
 #[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -18,7 +20,8 @@ pub(crate) struct RigFile {
     #[serde(default = "default_title")]
     pub(crate) title: String,
     /// The sensor on the bar.
-    pub(crate) sensor: SensorTable,
+    #[cfg_attr(feature = "schema", schemars(with = "SensorIdentity"))]
+    pub(crate) sensor: Spanned<SensorIdentity>,
     /// The bar.
     pub(crate) bar: BarTable,
     /// The encoder at the pivot.
@@ -48,49 +51,19 @@ fn default_title() -> String {
 #[derive(Debug, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
-pub(crate) struct SensorTable {
-    /// Maker and model.
-    #[cfg_attr(feature = "schema", schemars(with = "String"))]
-    pub(crate) model: Spanned<String>,
-    /// Serial number.
-    pub(crate) serial: Option<String>,
-    /// Firmware.
-    pub(crate) firmware: Option<String>,
-    /// Baud rate of its link.
-    pub(crate) baud: Option<u32>,
-    /// Anything else that changes its latency.
-    pub(crate) configuration: Option<String>,
-}
-
-#[derive(Debug, Deserialize)]
-#[cfg_attr(feature = "schema", derive(JsonSchema))]
-#[serde(deny_unknown_fields)]
 pub(crate) struct BarTable {
     /// Distance from the pivot to the sensor, m.
     #[cfg_attr(feature = "schema", schemars(with = "f64", range(min = 0.05, max = 50.0)))]
     pub(crate) length_m: Spanned<f64>,
     /// Position of the sensor at bar angle zero.
-    #[cfg_attr(feature = "schema", schemars(with = "MountName"))]
-    pub(crate) mount: Spanned<MountName>,
+    #[cfg_attr(feature = "schema", schemars(with = "MountKind"))]
+    pub(crate) mount: Spanned<MountKind>,
     /// Azimuth of the swing plane (direction of the body's x axis at rest), from north over east, deg. Default: fitted.
     #[cfg_attr(feature = "schema", schemars(with = "Option<f64>", range(min = -360.0, max = 360.0)))]
     pub(crate) azimuth_deg: Option<Spanned<f64>>,
     /// Expected first bending mode, Hz.
     #[cfg_attr(feature = "schema", schemars(with = "Option<f64>", range(min = 0.1, max = 1000.0)))]
     pub(crate) first_mode_hz: Option<Spanned<f64>>,
-}
-
-/// Position of the sensor at bar angle zero.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
-#[cfg_attr(feature = "schema", derive(JsonSchema))]
-#[serde(rename_all = "kebab-case")]
-pub(crate) enum MountName {
-    /// Above the pivot: lever arm (0, 0, -length), as Park & Lee 2010.
-    Upright,
-    /// Below the pivot, sensor upright: lever arm (0, 0, +length).
-    Hanging,
-    /// Every `mount` entry gives its lever arm.
-    Custom,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -205,22 +178,7 @@ pub(crate) struct ClockTable {
     #[cfg_attr(feature = "schema", schemars(with = "Option<String>"))]
     pub(crate) anchor: Option<Spanned<String>>,
     /// Kind of timestamps of the sensor that is used. Default: auto.
-    pub(crate) stamps: Option<StampsName>,
-}
-
-/// Kind of timestamps that is used.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
-#[cfg_attr(feature = "schema", derive(JsonSchema))]
-#[serde(rename_all = "kebab-case")]
-pub(crate) enum StampsName {
-    /// The kind that the channel map states.
-    Auto,
-    /// Time at which the value was true, according to the device.
-    Measured,
-    /// Time at which the driver sent it.
-    Published,
-    /// Time at which the logger received it.
-    Logged,
+    pub(crate) stamps: Option<StampChoice>,
 }
 
 #[derive(Debug, Default, Deserialize)]

@@ -67,8 +67,8 @@ struct Written {
     #[serde(default)]
     measure: WrittenMeasure,
     /// The sensor of these flights, used to find its card.
-    #[cfg_attr(feature = "schema", schemars(with = "Option<WrittenSensor>"))]
-    sensor: Option<Spanned<WrittenSensor>>,
+    #[cfg_attr(feature = "schema", schemars(with = "Option<SensorIdentity>"))]
+    sensor: Option<Spanned<SensorIdentity>>,
     /// Channels of a flight: the first of each list that the flight has is used.
     #[serde(default)]
     channels: WrittenChannels,
@@ -196,30 +196,6 @@ impl From<WrittenFrom> for DelaySource {
     }
 }
 
-/// Identity of the sensor; omitted fields are not compared.
-#[derive(Debug, Clone, Deserialize)]
-#[cfg_attr(feature = "schema", derive(JsonSchema))]
-#[serde(deny_unknown_fields)]
-struct WrittenSensor {
-    /// Maker and model, as on the card.
-    model: String,
-    /// Serial number.
-    serial: Option<String>,
-    /// Firmware.
-    firmware: Option<String>,
-    /// Baud rate of its link.
-    baud: Option<u32>,
-    /// Anything else that changes its delay.
-    configuration: Option<String>,
-}
-
-impl From<WrittenSensor> for SensorIdentity {
-    fn from(written: WrittenSensor) -> SensorIdentity {
-        let WrittenSensor { model, serial, firmware, baud, configuration } = written;
-        SensorIdentity { model, serial, firmware, baud, configuration }
-    }
-}
-
 /// Best first.
 const DEFAULT_POSITIONS: [&str; 11] = [
     "position.gps",
@@ -276,7 +252,7 @@ struct WrittenChannels {
 #[serde(deny_unknown_fields)]
 struct WrittenReplay {
     /// Assumption of a compensator before its first sample. Default: warm.
-    start: Option<WrittenStart>,
+    start: Option<StartRule>,
     /// Longest velocity gap that is bridged, s. Default: two delays, and at least 2.5 velocity intervals.
     #[cfg_attr(feature = "schema", schemars(with = "Option<f64>", range(min = 0.0, max = 600.0)))]
     bridge_s: Option<Spanned<f64>>,
@@ -299,29 +275,6 @@ struct WrittenReplay {
     /// Default: none.
     #[cfg_attr(feature = "schema", schemars(with = "Option<Vec<String>>"))]
     compensators: Option<Vec<Spanned<String>>>,
-}
-
-/// Assumption of a compensator before its first sample.
-#[derive(Debug, Clone, Copy, Deserialize)]
-#[cfg_attr(feature = "schema", derive(JsonSchema))]
-#[serde(rename_all = "kebab-case")]
-enum WrittenStart {
-    /// The first velocity is assumed for all earlier times.
-    Warm,
-    /// State zero.
-    Cold,
-    /// No output until one delay of velocity has been seen.
-    InvalidUntilTd,
-}
-
-impl From<WrittenStart> for StartRule {
-    fn from(written: WrittenStart) -> StartRule {
-        match written {
-            WrittenStart::Warm => StartRule::Warm,
-            WrittenStart::Cold => StartRule::Cold,
-            WrittenStart::InvalidUntilTd => StartRule::InvalidUntilTd,
-        }
-    }
 }
 
 #[derive(Debug, Clone, Default, Deserialize)]
@@ -912,12 +865,11 @@ impl Checker<'_> {
         self.path.parent().unwrap_or(Path::new("")).join(path)
     }
 
-    fn sensor(&self, written: Spanned<WrittenSensor>) -> Result<Spanned<SensorIdentity>, Refused> {
+    fn sensor(&self, written: Spanned<SensorIdentity>) -> Result<Spanned<SensorIdentity>, Refused> {
         if written.get_ref().model.trim().is_empty() {
             return Err(self.fault(&written, "sensor.model must name the sensor"));
         }
-        let span = written.span();
-        Ok(Spanned::new(span, written.into_inner().into()))
+        Ok(written)
     }
 
     /// The delay to remove, and its fallbacks.
@@ -1171,7 +1123,7 @@ impl Checker<'_> {
         let most_samples = self.optional(&written.most_samples, "replay.most_samples", 1000.0, 1e9);
         let compensators = self.compensators(written.compensators.as_deref().unwrap_or_default());
         Ok(ResolvedReplay {
-            start: written.start.unwrap_or(WrittenStart::Warm).into(),
+            start: written.start.unwrap_or(StartRule::Warm),
             bridge_s: bridge_s?,
             min_speed_mps: min_speed_mps?.unwrap_or(0.5),
             zoom_s: zoom_s?.unwrap_or(20.0),

@@ -49,7 +49,7 @@ mod losses;
 mod manifest;
 mod memory;
 mod no_position;
-mod pattern;
+pub mod pattern;
 mod plan;
 mod points;
 mod process;

@@ -6,7 +6,8 @@ pub(crate) fn any_matches(patterns: &[String], name: &str) -> bool {
 }
 
 /// Whether a name matches a pattern in which every `*` matches any text.
-pub(crate) fn matches(pattern: &str, name: &str) -> bool {
+#[must_use]
+pub fn matches(pattern: &str, name: &str) -> bool {
     let Some((first, rest)) = pattern.split_once('*') else { return pattern == name };
     let Some(mut name) = name.strip_prefix(first) else { return false };
     let mut parts: Vec<&str> = rest.split('*').collect();

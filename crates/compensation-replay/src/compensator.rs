@@ -55,9 +55,6 @@ use std::fmt::Debug;
 /// - Jumps of the position pass with gain 1, except in smoothing compensators ([`DelayedKalman`]).
 /// - The same calls give the same bits.
 pub trait Compensator: Debug + Send {
-    /// Name as in a pipeline: `pade-1-1-tustin`, `exact-async`.
-    fn name(&self) -> String;
-
     /// Starts with the first velocity (m/s) at `t` (s).
     ///
     /// # Errors

@@ -31,7 +31,7 @@ fn drawn(estimates: &[Positions]) -> Vec<&Positions> {
 }
 
 pub(crate) fn draw(input: &Input, settings: &Settings, rows: &Rows, estimates: &[Positions]) -> Curves {
-    let drawing = Drawing { input, settings, rows, estimates: drawn(estimates) };
+    let drawing = Drawing { input, rows, estimates: drawn(estimates) };
     Curves {
         axes: drawing.axes((rows.t[0], rows.t[rows.t.len() - 1])),
         zoom: hardest(input, rows, settings).map(|(start_s, end_s, why)| Zoom {
@@ -48,18 +48,14 @@ pub(crate) fn draw(input: &Input, settings: &Settings, rows: &Rows, estimates: &
 /// Sources of the curves.
 struct Drawing<'a> {
     input: &'a Input,
-    settings: &'a Settings,
     rows: &'a Rows,
     estimates: Vec<&'a Positions>,
 }
 
 impl Drawing<'_> {
     fn axes(&self, window: (f64, f64)) -> Vec<AxisCurves> {
-        let axis = |(k, name): (usize, &str)| AxisCurves {
-            axis: name.to_owned(),
-            position_m: self.positions(k, window),
-            difference_m: self.differences(k, window),
-        };
+        let axis =
+            |(k, name): (usize, &str)| AxisCurves { axis: name.to_owned(), position_m: self.positions(k, window) };
         ["north", "east"].into_iter().enumerate().map(axis).collect()
     }
 
@@ -71,21 +67,6 @@ impl Drawing<'_> {
         let reference = reference
             .map(|r| pen("reference".to_owned(), &r.t, &r.axes[axis], |_| true, 2.5 * median_step(&r.t), window));
         self.estimates.iter().map(of).chain(reference).collect()
-    }
-
-    /// Raw less each estimate, and the prediction from velocity.
-    fn differences(&self, axis: usize, window: (f64, f64)) -> Vec<Curve> {
-        let rows = self.rows;
-        let raw = &self.estimates[0].axes[axis];
-        let of = |e: &&Positions| {
-            let difference: Vec<f64> = raw.iter().zip(&e.axes[axis]).map(|(r, c)| r - c).collect();
-            curve(format!("raw − {}", e.title), rows, &difference, |r| e.shown(rows, r), window)
-        };
-        let mut predicted = rows.predicted(self.input, self.settings, axis);
-        predicted.iter_mut().for_each(|displacement| *displacement = -*displacement);
-        let name = "−v · (Td + age of the fix), v at half that time".to_owned();
-        let predicted = curve(name, rows, &predicted, |r| rows.has_output(r), window);
-        self.estimates[1..].iter().map(of).chain([predicted]).collect()
     }
 }
 

@@ -36,7 +36,7 @@ mod words;
 pub use crate::input::{CannotAnalyse, PositionAgainstVelocity};
 pub use crate::settings::OverTimeSettings;
 
-use record::{CurvePoint, DelayKind, DelayOverTime, Estimate};
+use record::{DelayKind, DelayOverTime, Estimate};
 
 /// How the delay of a position against a velocity behaves over a flight. Positive is late.
 ///

@@ -3,11 +3,11 @@
 use crate::dataset::History;
 use crate::error::HistoryError;
 use crate::query::{Aggregate, Condition, Function, Operator, Query, Value};
-use crate::schema::{HISTORY_SCHEMA, SCHEMA_KEY, current};
-use convert::{Cells, Sheet, read_parquet, read_parquet_columns};
+use crate::schema::current;
+use convert::{Cells, Sheet, read_parquet_columns};
 use polars::prelude::{
-    BooleanChunked, ChunkAgg, ChunkCompareEq, ChunkCompareIneq, ChunkQuantile, Column, DataFrame, DataType, IdxCa,
-    NamedFrom, ParquetReader, PolarsError, PolarsResult, QuantileMethod, SerReader, Series,
+    BooleanChunked, ChunkAgg, ChunkCompareEq, ChunkCompareIneq, ChunkQuantile, DataFrame, DataType, IdxCa,
+    ParquetReader, PolarsError, PolarsResult, QuantileMethod, SerReader,
 };
 use std::collections::{BTreeMap, HashMap};
 use std::fs::File;
@@ -53,36 +53,13 @@ fn failed(path: &Path, error: &PolarsError) -> HistoryError {
     HistoryError::Report { path: path.to_owned(), what: error.to_string() }
 }
 
-/// The wanted columns of a file. Polars reads files of the current layout; earlier ones are converted first.
+/// The wanted columns of a file.
 fn read(path: &Path, names: &[&str]) -> Result<DataFrame, String> {
     let open = || File::open(path).map_err(|e| format!("cannot be opened: {e}"));
-    let about = read_parquet_columns(open()?, &|_| false).map_err(|e| format!("cannot be read: {e}"))?;
-    let is_current = about.about.get(SCHEMA_KEY).is_some_and(|schema| *schema == HISTORY_SCHEMA.to_string());
-    let frame = if is_current {
-        let wanted = names.iter().map(|name| (*name).to_owned()).collect();
-        ParquetReader::new(open()?).with_columns(Some(wanted)).finish().map_err(|e| e.to_string())?
-    } else {
-        let table = read_parquet(open()?).map_err(|e| format!("cannot be read: {e}"))?;
-        frame_of(current(table)?).map_err(|e| e.to_string())?
-    };
-    frame.select(names.iter().copied()).map_err(|e| e.to_string())
-}
-
-fn frame_of(sheet: Sheet) -> PolarsResult<DataFrame> {
-    let rows = sheet.rows();
-    let column = |column: convert::SheetColumn| {
-        let name = column.name.as_str().into();
-        let series = match column.cells {
-            Cells::I64(values) => Series::new(name, values.iter().collect::<Vec<_>>()),
-            Cells::U64(values) => Series::new(name, values.iter().map(|v| v.map(u64::cast_signed)).collect::<Vec<_>>()),
-            Cells::F64(values) => Series::new(name, values.iter().collect::<Vec<_>>()),
-            Cells::Text(values) => {
-                Series::new(name, values.iter().map(|v| v.map(|v| v.to_string())).collect::<Vec<_>>())
-            }
-        };
-        Column::from(series)
-    };
-    DataFrame::new(rows, sheet.columns.into_iter().map(column).collect())
+    current(read_parquet_columns(open()?, &|_| false).map_err(|e| format!("cannot be read: {e}"))?)?;
+    let wanted = names.iter().map(|name| (*name).to_owned()).collect();
+    let frame = ParquetReader::new(open()?).with_columns(Some(wanted)).finish();
+    frame.and_then(|frame| frame.select(names.iter().copied())).map_err(|e| e.to_string())
 }
 
 fn answered(frame: &DataFrame, query: &Query, names: &[&str]) -> PolarsResult<Answer> {
@@ -345,33 +322,5 @@ mod tests {
         let none = ask(Some("delay_s > 9"), &[], Some("count(), median(delay_s)"));
         assert_eq!(none.table.cells("count()"), Some(&Cells::I64(vec![0].into())));
         assert_eq!(none.table.cells("median(delay_s)"), Some(&Cells::F64(vec![None].into())));
-    }
-
-    #[test]
-    fn a_file_of_layout_1_can_be_queried() {
-        let folder = tempfile::tempdir().unwrap();
-        let history = History::new(folder.path());
-        let mut sheet = crate::row::sheet_of(&[Row {
-            campaign: "c".into(),
-            flight: "a".into(),
-            lateness_s: Some(0.4),
-            ..Row::default()
-        }]);
-        for column in &mut sheet.columns {
-            if column.name == "lateness_s" {
-                column.name = "lateness_ms".into();
-                column.cells = Cells::F64(vec![400.0].into());
-            }
-            if column.name == "run_ns" {
-                column.name = "run_at".into();
-                column.cells = Cells::Text([Some("2026-01-01T00:00:00Z")].into_iter().collect());
-            }
-        }
-        let file = File::create(folder.path().join("2026-01-01T000000Z.parquet")).unwrap();
-        convert::write_parquet_about(&sheet, &[(SCHEMA_KEY.to_owned(), "1".to_owned())], file).unwrap();
-        let query = Query::parse(Some("delay_s > 0.3"), &[], Some("median(delay_s)"), false).unwrap();
-        let found = answer(&history, &query).unwrap();
-        assert_eq!(found.unreadable, [] as [String; 0]);
-        assert_eq!(found.table.cells("median(delay_s)"), Some(&Cells::F64(vec![0.4].into())));
     }
 }

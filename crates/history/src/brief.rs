@@ -3,7 +3,7 @@
 use crate::dataset::History;
 use crate::error::HistoryError;
 use crate::row::{Dimension, Row, column};
-use crate::schema::{current, is_of_layout_1};
+use crate::schema::current;
 use convert::{Sheet, read_parquet_columns};
 use record::NamedFlight;
 use std::collections::{HashMap, HashSet};
@@ -162,14 +162,9 @@ impl History {
 }
 
 fn read(path: &Path, texts: &mut Texts) -> Result<Vec<Brief>, String> {
-    let open = || File::open(path).map_err(|e| format!("cannot be opened: {e}"));
-    let read = |is_wanted: &dyn Fn(&str) -> bool| {
-        read_parquet_columns(open()?, is_wanted).map_err(|e| format!("cannot be read: {e}"))
-    };
-    let mut table = read(&|name| COLUMNS.contains(&name))?;
-    if is_of_layout_1(&table) {
-        table = read(&|_| true)?;
-    }
+    let file = File::open(path).map_err(|e| format!("cannot be opened: {e}"))?;
+    let table =
+        read_parquet_columns(file, &|name| COLUMNS.contains(&name)).map_err(|e| format!("cannot be read: {e}"))?;
     texts.briefs_of(current(table)?)
 }
 

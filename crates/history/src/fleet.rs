@@ -1,6 +1,7 @@
 //! The fleet file: aircraft and receiver of a flight, where its log does not state them.
 
 use crate::error::HistoryError;
+use campaign::pattern::matches;
 #[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -101,7 +102,7 @@ impl Fleet {
     #[must_use]
     pub fn of(&self, campaign: &str, flight: &str) -> Option<&Aircraft> {
         let name = format!("{campaign}/{flight}");
-        self.aircraft.iter().find(|(pattern, _)| fits(pattern, &name)).map(|(_, aircraft)| aircraft)
+        self.aircraft.iter().find(|(pattern, _)| matches(pattern, &name)).map(|(_, aircraft)| aircraft)
     }
 }
 
@@ -149,22 +150,6 @@ fn check(file: &SettingsFile<'_>, whole: &Spanned<()>, table: &AircraftTable) ->
     right
 }
 
-/// Whether a name matches a pattern in which `*` matches anything.
-fn fits(pattern: &str, name: &str) -> bool {
-    let mut parts = pattern.split('*');
-    let first = parts.next().unwrap_or_default();
-    let Some(mut rest) = name.strip_prefix(first) else { return false };
-    let mut parts: Vec<&str> = parts.collect();
-    let Some(last) = parts.pop() else { return rest.is_empty() };
-    for part in parts {
-        match rest.find(part) {
-            Some(at) => rest = &rest[at + part.len()..],
-            None => return false,
-        }
-    }
-    rest.ends_with(last)
-}
-
 /// The JSON schema of a fleet file, as text.
 #[cfg(feature = "schema")]
 pub(crate) fn fleet_schema() -> String {
@@ -200,7 +185,7 @@ mod tests {
             ("ab", "abc", false),
             ("ab*ba", "aba", false),
         ] {
-            assert_eq!(fits(pattern, name), does, "{pattern} {name}");
+            assert_eq!(matches(pattern, name), does, "{pattern} {name}");
         }
     }
 

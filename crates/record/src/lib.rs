@@ -28,7 +28,6 @@ mod flight_delay;
 mod group;
 mod json;
 mod lateness;
-mod monte_carlo;
 mod night;
 mod reference_file;
 mod replay;
@@ -74,7 +73,6 @@ pub use crate::lateness::{
     CardDelay, Decision, DelayAdvice, DelayAlarm, DelaySetting, Effect, EffectVerdict, FlightLateness, Gravity,
     GroupLateness, JudgedBy, MeasuredFlight, OtherReceiver, counted_from, flight_alarms,
 };
-pub use crate::monte_carlo::{MonteCarloCase, MonteCarloGroup, MonteCarloRecord};
 pub use crate::night::{
     ChangeCause, ComparedReport, DiffRecord, FlightWords, LeftLog, MovedAdvice, MovedNumber, NamedFlight,
     NewTrendChange, NightCampaign, NightGroup, NightRecord, ProofVerdict, RerunCause, RunChanges, SettingProof,

@@ -170,8 +170,6 @@ pub struct LeadCurves {
 pub struct Lead {
     /// Median, m.
     pub median_m: f64,
-    /// Largest absolute value, m.
-    pub largest_m: f64,
     /// Median divided by ground speed, ms; `None` if the aircraft is never fast enough.
     pub median_ms: Option<f64>,
     /// Curve over the flight, m.
@@ -205,8 +203,6 @@ pub struct AxisCurves {
     pub axis: String,
     /// Position, m from the origin: raw first, then one curve per compensator.
     pub position_m: Vec<Curve>,
-    /// Raw − compensated, m, by compensator, and as predicted from velocity alone.
-    pub difference_m: Vec<Curve>,
 }
 
 /// The hardest manoeuvre, drawn without decimation if it fits.

@@ -5,7 +5,7 @@
 mod bench_fixture;
 
 use bench_fixture as fixture;
-use report::{BenchPage, CardPage, CardRecord, Site, bench_site, card_site, monte_carlo_site};
+use report::{BenchPage, CardPage, CardRecord, Site, bench_site, card_site};
 use std::path::{Path, PathBuf};
 
 fn main() -> std::io::Result<()> {
@@ -33,8 +33,7 @@ fn main() -> std::io::Result<()> {
             remarks: &[],
             command: COMMAND,
         }),
-    )?;
-    write(&folder.join("study"), &monte_carlo_site(&fixture::study()))
+    )
 }
 
 const COMMAND: &str = "flightlag bench swing-07-encoder.csv swing-07-mtig.csv --rig pipelines/bench.rig.toml";

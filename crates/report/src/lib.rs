@@ -1,6 +1,6 @@
 //! Turns records into pages for people to read.
 //!
-//! [`flight_site`], [`campaign_site`], [`bench_site`], [`card_site`], [`cards_site`] and [`monte_carlo_site`]
+//! [`flight_site`], [`campaign_site`], [`bench_site`], [`card_site`] and [`cards_site`]
 //! turn a record into a [`Site`], a map from path to bytes. This crate opens and measures nothing: a page can be
 //! rebuilt from the record alone years later, and the same record gives the same bytes. Pages are self-contained
 //! (no external requests) and readable without scripts. Text from a log is always escaped.
@@ -42,7 +42,7 @@ pub use criterion::criterion_sentence;
 pub use page::{
     BenchPage, CardPage, CardRecord, FlightPage, IndexedCard, REPORTS_TITLE, ReportEntry, TABLE_FOLDER, TrackExcerpt,
     WithoutMean, bench_site, campaign_site, card_site, cards_site, changes_site, diff_site, excerpt_flights,
-    flight_site, monte_carlo_site, night_site, reports_page, trend_site,
+    flight_site, night_site, reports_page, trend_site,
 };
 pub use site::Site;
 

@@ -14,7 +14,6 @@ mod flight_delay;
 mod health;
 mod lateness;
 mod method;
-mod monte_carlo;
 mod night;
 mod provenance;
 mod reports;
@@ -32,7 +31,6 @@ pub use cards::{IndexedCard, cards_site};
 pub use changes::changes_site;
 pub use diff::diff_site;
 pub use flight::{FlightPage, flight_site};
-pub use monte_carlo::monte_carlo_site;
 pub use night::night_site;
 pub use reports::{REPORTS_TITLE, ReportEntry, reports_page};
 #[cfg(test)]

@@ -129,7 +129,7 @@ pub fn frequency_response(
     }
     let record = Record::new(t, y, reference, pre_align_s);
     let spectra = record.spectra(length as usize, rate_hz, GAP_SHARE * segment_s)?;
-    spectra.response(pre_align_s, t.len() - record.t.len())
+    spectra.response(pre_align_s)
 }
 
 fn check(t: &[f64], y: &[f64]) -> Result<(), ResponseError> {
@@ -306,7 +306,7 @@ impl Spectra {
         0.9 * n / (1.0 + 2.0 / 36.0 * self.overlaps as f64 / n)
     }
 
-    fn response(&self, pre_align_s: f64, rows_outside: usize) -> Result<FrequencyResponse, ResponseError> {
+    fn response(&self, pre_align_s: f64) -> Result<FrequencyResponse, ResponseError> {
         let peak = self.reference.iter().copied().fold(0.0, f64::max);
         let rounding = ROUNDING * self.largest * self.window.len() as f64;
         if peak <= rounding * rounding * self.segments as f64 {

@@ -2,10 +2,10 @@
 
 use crate::noise::{Noise, Sampling, generator};
 use crate::swing::{MARGIN_S, SWING_S, TrueSwing};
+use crate::{Case, Group};
 use crate::{known, rms, share};
 use rand::RngExt;
 use rayon::prelude::*;
-use record::{MonteCarloCase, MonteCarloGroup};
 use signal::{DelayFit, DelaySettings, Gain, Measurement, NoiseModel, NoiseRule, Sign, delay_crlb, fit_delay};
 
 const TRUE_DELAY_S: f64 = 0.4;
@@ -43,7 +43,7 @@ fn judged(fit: &DelayFit, delay_s: f64, crlb_s: Option<f64>) -> Trial {
 }
 
 /// rms over CRLB, bias over CRLB, coverage on the whole grid of rates, noises and samplings.
-pub fn efficiency(swings: &[TrueSwing], n: u64) -> MonteCarloGroup {
+pub fn efficiency(swings: &[TrueSwing], n: u64) -> Group {
     let noises = [
         ("white 0.1 m", Noise::white(0.1)),
         ("OU 0.3 m, 0.5 s", Noise::WanderAndWhite { std: 0.3, time_constant_s: 0.5, white: 0.02 }),
@@ -58,7 +58,7 @@ pub fn efficiency(swings: &[TrueSwing], n: u64) -> MonteCarloGroup {
             }
         }
     }
-    MonteCarloGroup {
+    Group {
         title: "Delay of a position, 60 s of hand-driven swing".to_owned(),
         text: "Position 0.4 s late, gain 1.02, offset 0.5 m, against the smoothed 2000-count encoder at 100 Hz. CRLB: \
                Cramér–Rao bound at the true noise with gain and offset unknown."
@@ -69,14 +69,7 @@ pub fn efficiency(swings: &[TrueSwing], n: u64) -> MonteCarloGroup {
     }
 }
 
-fn efficiency_case(
-    swings: &[TrueSwing],
-    n: u64,
-    name: String,
-    rate_hz: f64,
-    noise: Noise,
-    sampling: Sampling,
-) -> MonteCarloCase {
+fn efficiency_case(swings: &[TrueSwing], n: u64, name: String, rate_hz: f64, noise: Noise, sampling: Sampling) -> Case {
     let Noise::WanderAndWhite { std, time_constant_s, white } = noise else { unreachable!("a known noise") };
     let model = NoiseModel { wander_std: std, time_constant_s, white_std: white };
     let all = trials(swings, n, |swing, trial| {
@@ -94,7 +87,7 @@ fn efficiency_case(
     let bias_error = efficiency / m.sqrt();
     let coverage = share(all.iter().filter(|t| t.covered).count(), all.len());
     let crlb_ms = 1e3 * rms(all.iter().filter_map(|t| t.crlb_s));
-    MonteCarloCase {
+    Case {
         name,
         trials: n,
         met: vec![
@@ -116,7 +109,7 @@ fn efficiency_case(
 }
 
 /// Noise outside the model.
-pub fn misspecified(swings: &[TrueSwing], n: u64) -> MonteCarloGroup {
+pub fn misspecified(swings: &[TrueSwing], n: u64) -> Group {
     let held = Noise::Held { std: 0.05, hold_s: 0.25, per_root_s: 0.02, white: 0.002 };
     let cases = [
         ("50 Hz, noise held for 0.25 s and a random walk", 50.0, held, 0.0),
@@ -136,14 +129,14 @@ pub fn misspecified(swings: &[TrueSwing], n: u64) -> MonteCarloGroup {
         let error = rms(all.iter().map(|t| t.error_s * 1e3));
         let coverage = share(all.iter().filter(|t| t.covered).count(), all.len());
         let covered = coverage.map(|c| c.value + 2.0 * c.standard_uncertainty.unwrap_or(0.0) >= 92.0);
-        MonteCarloCase {
+        Case {
             name: name.to_owned(),
             trials: n,
             values: vec![known(error, error / (2.0 * all.len() as f64).sqrt()), coverage],
             met: vec![None, covered],
         }
     };
-    MonteCarloGroup {
+    Group {
         title: "The same with noise outside the model".to_owned(),
         text: "The estimator takes the noise for an Ornstein–Uhlenbeck process plus white noise; here it is neither."
             .to_owned(),
@@ -154,7 +147,7 @@ pub fn misspecified(swings: &[TrueSwing], n: u64) -> MonteCarloGroup {
 }
 
 /// A 4 Hz position held in 100 Hz rows: fitted at its updates, and as if every row were a measurement.
-pub fn held(swings: &[TrueSwing], n: u64) -> MonteCarloGroup {
+pub fn held(swings: &[TrueSwing], n: u64) -> Group {
     let noise = Noise::white(0.01);
     let fits: Vec<(f64, bool, f64)> = (0..n)
         .into_par_iter()
@@ -179,7 +172,7 @@ pub fn held(swings: &[TrueSwing], n: u64) -> MonteCarloGroup {
     };
     let updates = |x: &(f64, bool, f64)| 1e3 * x.0;
     let rows = |x: &(f64, bool, f64)| 1e3 * x.2;
-    let case = MonteCarloCase {
+    let case = Case {
         name: "4 Hz position held in 100 Hz rows, white 0.01 m".to_owned(),
         trials: n,
         values: vec![
@@ -189,7 +182,7 @@ pub fn held(swings: &[TrueSwing], n: u64) -> MonteCarloGroup {
         ],
         met: vec![None; 3],
     };
-    MonteCarloGroup {
+    Group {
         title: "Held samples".to_owned(),
         text:
             "The true delay is 400 ms. A fit of all rows sees half an update interval more: 520 ms (design note 3.8)."
@@ -201,7 +194,7 @@ pub fn held(swings: &[TrueSwing], n: u64) -> MonteCarloGroup {
 }
 
 /// How often "delayed" (or early) is reported if the true delay is 0 and 2.8 standard uncertainties.
-pub fn decisions(swings: &[TrueSwing], n: u64) -> MonteCarloGroup {
+pub fn decisions(swings: &[TrueSwing], n: u64) -> Group {
     let noise = Noise::WanderAndWhite { std: 0.3, time_constant_s: 1.0, white: 0.1 };
     let model = NoiseModel { wander_std: 0.3, time_constant_s: 1.0, white_std: 0.1 };
     let case = |(name, sigmas, goal): (&str, f64, std::ops::RangeInclusive<f64>)| {
@@ -222,9 +215,9 @@ pub fn decisions(swings: &[TrueSwing], n: u64) -> MonteCarloGroup {
             let slack = 2.0 * r.standard_uncertainty.unwrap_or(0.0);
             (goal.start() - slack..=goal.end() + slack).contains(&r.value)
         });
-        MonteCarloCase { name: name.to_owned(), trials: n, values: vec![rate], met: vec![met] }
+        Case { name: name.to_owned(), trials: n, values: vec![rate], met: vec![met] }
     };
-    MonteCarloGroup {
+    Group {
         title: "Saying \"delayed\"".to_owned(),
         text: "10 Hz, ±30 % jitter, OU 0.3 m / 1 s + white 0.1 m. Goal: 5 ± 1 % where there is no delay, and 80 % (within 10) at \
                the minimum detectable delay of 2.8 standard uncertainties."

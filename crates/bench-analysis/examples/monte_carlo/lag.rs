@@ -3,15 +3,15 @@
 use crate::noise::{Noise, generator};
 use crate::share;
 use crate::swing::{MARGIN_S, SWING_S, TrueSwing};
+use crate::{Case, Group};
 use rayon::prelude::*;
-use record::{MonteCarloCase, MonteCarloGroup};
 use signal::{CubicSpline, DelaySettings, Gain, Measurement, Sign, choose_lag_model, fit_delay};
 
 /// Grid on which the truth is filtered, s.
 const STEP_S: f64 = 1e-3;
 
 /// Right, not distinguished, wrong; for five truths at three accuracies.
-pub fn choices(swings: &[TrueSwing], n: u64) -> MonteCarloGroup {
+pub fn choices(swings: &[TrueSwing], n: u64) -> Group {
     let truths: [(&str, f64, &[f64]); 5] =
         [("D", 0.4, &[]), ("L", 0.0, &[0.4]), ("DL", 0.3, &[0.1]), ("DL", 0.2, &[0.2]), ("DLL", 0.0, &[0.2, 0.2])];
     let mut cases = vec![];
@@ -23,7 +23,7 @@ pub fn choices(swings: &[TrueSwing], n: u64) -> MonteCarloGroup {
             cases.push(case(swings, n, name, (rate_hz, sigma), (right, delay_s, lags), must));
         }
     }
-    MonteCarloGroup {
+    Group {
         title: "Delay or lag".to_owned(),
         text: "Position, 60 s of hand-driven swing, gain free. Right: the true model is chosen. Not distinguished: two models are \
                within ΔBIC 6. Wrong: another one is chosen."
@@ -41,7 +41,7 @@ fn case(
     (rate_hz, sigma): (f64, f64),
     (right, delay_s, lags): (&str, f64, &[f64]),
     must: bool,
-) -> MonteCarloCase {
+) -> Case {
     let lagged: Vec<CubicSpline> = swings.iter().take(n as usize).map(|swing| lagged(swing, lags)).collect();
     let chosen: Vec<Option<&'static str>> = (0..n)
         .into_par_iter()
@@ -62,7 +62,7 @@ fn case(
     let is_right = count(&|c| *c == Some(right));
     let wrong = count(&|c| c.is_some_and(|c| c != right));
     let slack = |e: &record::Estimate| 2.0 * e.standard_uncertainty.unwrap_or(0.0);
-    MonteCarloCase {
+    Case {
         name,
         trials: n,
         met: vec![

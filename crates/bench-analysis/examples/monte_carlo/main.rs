@@ -1,8 +1,7 @@
 //! Accuracy of the bench: many simulated records, each with a known answer.
 //!
-//! `cargo run --release -p flightlag-bench-analysis --example monte_carlo -- DIR [TRIALS]` prints the tables and writes
-//! them as a page and as JSON. Every trial has its own seed, so that the result does not depend on the number of
-//! threads.
+//! `cargo run --release -p flightlag-bench-analysis --example monte_carlo -- [TRIALS]` prints the tables. Every trial has
+//! its own seed, so that the result does not depend on the number of threads.
 
 #![allow(clippy::print_stdout, clippy::unwrap_used)]
 
@@ -12,52 +11,56 @@ mod noise;
 mod reference;
 mod swing;
 
-use record::{Estimate, MonteCarloGroup, MonteCarloRecord, RECORD_VERSION};
-use std::path::PathBuf;
+use record::Estimate;
 
 /// Seed of the whole study.
 pub const SEED: u64 = 20_101_025;
 
-fn main() {
-    let mut arguments = std::env::args().skip(1);
-    let folder = PathBuf::from(arguments.next().unwrap_or_else(|| "reports/monte-carlo".to_owned()));
-    let trials: u64 = arguments.next().map_or(1000, |text| text.parse().expect("TRIALS is a number"));
-    let swings = swing::swings(50);
-    let mut groups = vec![];
-    let mut add = |group: MonteCarloGroup| {
-        print(&group);
-        groups.push(group);
-    };
-    add(reference::accuracy());
-    add(delay::efficiency(&swings, trials));
-    add(delay::misspecified(&swings, trials));
-    add(delay::held(&swings, trials.min(200)));
-    // The goal is known to one in a hundred: with a thousand trials 0.7 of it would be random.
-    add(delay::decisions(&swings, 10 * trials));
-    add(lag::choices(&swings, trials.min(100)));
-    let record = MonteCarloRecord {
-        record_version: RECORD_VERSION,
-        title: "The bench, measured by simulation".to_owned(),
-        seed: SEED,
-        command: format!(
-            "cargo run --release -p flightlag-bench-analysis --example monte_carlo -- {} {trials}",
-            folder.display()
-        ),
-        groups,
-    };
-    let mut site = report::monte_carlo_site(&record);
-    site.files.insert("record.json".to_owned(), serde_json::to_vec_pretty(&record).unwrap());
-    for (path, bytes) in site.to_write() {
-        let path = folder.join(path);
-        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-        std::fs::write(path, bytes).unwrap();
-    }
-    println!("\nopen {}", folder.join("index.html").display());
+/// One case of a study.
+pub struct Case {
+    /// What was simulated, in words.
+    pub name: String,
+    /// Number of trials.
+    pub trials: u64,
+    /// Columns of numbers, in the order of the group's columns; `None` where a number does not apply to the case.
+    pub values: Vec<Option<Estimate>>,
+    /// Whether each goal is met within the error of the study; `None` where the column has no goal.
+    pub met: Vec<Option<bool>>,
 }
 
-fn print(group: &MonteCarloGroup) {
+/// Cases with the same columns.
+pub struct Group {
+    /// Title.
+    pub title: String,
+    /// Procedure and goals, in words.
+    pub text: String,
+    /// Columns with units, such as `rms/CRLB`.
+    pub columns: Vec<String>,
+    /// Goal of each column in words; empty without a goal.
+    pub goals: Vec<String>,
+    /// Cases.
+    pub cases: Vec<Case>,
+}
+
+fn main() {
+    let trials: u64 = std::env::args().nth(1).map_or(1000, |text| text.parse().expect("TRIALS is a number"));
+    let swings = swing::swings(50);
+    print(&reference::accuracy());
+    print(&delay::efficiency(&swings, trials));
+    print(&delay::misspecified(&swings, trials));
+    print(&delay::held(&swings, trials.min(200)));
+    // The goal is known to one in a hundred: with a thousand trials 0.7 of it would be random.
+    print(&delay::decisions(&swings, 10 * trials));
+    print(&lag::choices(&swings, trials.min(100)));
+}
+
+fn print(group: &Group) {
     println!("\n{}\n{}", group.title, group.text);
-    println!("{:<58} {:>6}  {}", "case", "trials", group.columns.join(" | "));
+    let goal = |(column, goal): (&String, &String)| {
+        if goal.is_empty() { column.clone() } else { format!("{column} ({goal})") }
+    };
+    let columns: Vec<String> = group.columns.iter().zip(&group.goals).map(goal).collect();
+    println!("{:<58} {:>6}  {}", "case", "trials", columns.join(" | "));
     for case in &group.cases {
         let cell = |(value, met): (&Option<Estimate>, &Option<bool>)| {
             let mark = if *met == Some(false) { " (!)" } else { "" };

@@ -1,16 +1,16 @@
 //! The reference motion: the remaining effect of the encoder's steps.
 
+use crate::{Case, Group};
 use crate::{known, rms};
 use bench_analysis::{EncoderSeries, Motion, encoder_channel};
 use rayon::prelude::*;
-use record::{MonteCarloCase, MonteCarloGroup};
 use simulate::{BenchSettings, SensorSettings, Swing, simulate_bench};
 
 const LENGTH_M: f64 = 1.3;
 const RECORDS: u64 = 12;
 
 /// Errors of velocity and tangential acceleration by encoder and swing.
-pub fn accuracy() -> MonteCarloGroup {
+pub fn accuracy() -> Group {
     let cases = [
         ("hand-driven, 2000 counts, 100 Hz", Swing::hand(), 2000, 100.0, Some(0.12)),
         ("pushed pendulum, 2000 counts, 100 Hz", Swing::pushed(), 2000, 100.0, Some(0.12)),
@@ -23,14 +23,14 @@ pub fn accuracy() -> MonteCarloGroup {
             (0..RECORDS).into_par_iter().map(|seed| errors(seed, swing, lines, rate_hz)).collect();
         let mean = |k: usize| rms(errors.iter().map(|e| e[k]));
         let error = |k: usize| rms(errors.iter().map(|e| e[k] - mean(k))) / (RECORDS as f64).sqrt();
-        MonteCarloCase {
+        Case {
             name: name.to_owned(),
             trials: RECORDS,
             values: vec![known(1e3 * mean(0), 1e3 * error(0)), known(mean(1), error(1))],
             met: vec![None, goal.map(|goal| mean(1) <= goal)],
         }
     };
-    MonteCarloGroup {
+    Group {
         title: "Reference motion from the encoder".to_owned(),
         text: "60 s of swing to ±60°, bar of 1.3 m; rms errors of velocity and tangential acceleration against the truth, one second cut off at both ends."
             .to_owned(),

@@ -47,10 +47,6 @@ impl StreamingAsync {
 }
 
 impl Compensator for StreamingAsync {
-    fn name(&self) -> String {
-        "exact-async".to_owned()
-    }
-
     fn start(&mut self, t: f64, velocity: f64, rule: StartRule) -> Result<(), FeedError> {
         check(VELOCITY, t, velocity, None)?;
         self.flown.start(t, velocity, velocity);

@@ -25,10 +25,6 @@ impl ExactFir {
 }
 
 impl Compensator for ExactFir {
-    fn name(&self) -> String {
-        "exact-fir".to_owned()
-    }
-
     fn start(&mut self, t: f64, velocity: f64, rule: StartRule) -> Result<(), FeedError> {
         check(VELOCITY, t, velocity, None)?;
         self.flown.start(t, velocity, if rule == StartRule::Cold { 0.0 } else { velocity });

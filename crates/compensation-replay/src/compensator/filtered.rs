@@ -6,9 +6,6 @@ use std::fmt::Debug;
 
 /// A filter from velocity to the displacement during the delay.
 pub trait VelocityFilter: Debug + Clone + Send {
-    /// Name as in a pipeline.
-    fn name(&self) -> String;
-
     /// The delay it models, s.
     fn delay_s(&self) -> f64;
 
@@ -50,10 +47,6 @@ impl<F: VelocityFilter> Filtered<F> {
 }
 
 impl<F: VelocityFilter + 'static> Compensator for Filtered<F> {
-    fn name(&self) -> String {
-        self.filter.name()
-    }
-
     fn start(&mut self, t: f64, velocity: f64, rule: StartRule) -> Result<(), FeedError> {
         check(VELOCITY, t, velocity, None)?;
         self.filter.start(velocity, rule, self.step_s);

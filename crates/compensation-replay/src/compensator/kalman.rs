@@ -78,10 +78,6 @@ impl DelayedKalman {
 }
 
 impl Compensator for DelayedKalman {
-    fn name(&self) -> String {
-        "kalman".to_owned()
-    }
-
     fn start(&mut self, t: f64, velocity: f64, rule: StartRule) -> Result<(), FeedError> {
         check(VELOCITY, t, velocity, None)?;
         let at = t - self.settings.velocity_delay_s;

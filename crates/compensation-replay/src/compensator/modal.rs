@@ -154,11 +154,6 @@ impl ModalFilter {
 }
 
 impl VelocityFilter for ModalFilter {
-    fn name(&self) -> String {
-        let (m, n) = self.form.degrees();
-        format!("pade-{m}-{n}-{}", self.rule.name())
-    }
-
     fn delay_s(&self) -> f64 {
         self.delay_s
     }

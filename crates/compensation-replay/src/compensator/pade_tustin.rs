@@ -22,10 +22,6 @@ impl PaperFilter {
 }
 
 impl VelocityFilter for PaperFilter {
-    fn name(&self) -> String {
-        "pade-1-1-tustin".to_owned()
-    }
-
     fn delay_s(&self) -> f64 {
         self.delay_s
     }

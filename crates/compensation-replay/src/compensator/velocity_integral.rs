@@ -38,11 +38,6 @@ impl VelocityIntegral {
         self.knots.back().map(|k| k.t)
     }
 
-    /// The newest velocity, m/s.
-    pub(crate) fn newest_velocity(&self) -> Option<f64> {
-        self.knots.back().map(|k| k.v)
-    }
-
     /// Start of the stored range, s; minus infinity as long as nothing was dropped.
     pub(crate) fn known_from(&self) -> f64 {
         if self.whole { f64::NEG_INFINITY } else { self.knots.front().map_or(f64::NEG_INFINITY, |k| k.t) }

@@ -90,7 +90,6 @@ fn of(name: &str, rows: &Rows, points: &Points, least_speed_mps: f64, gap_s: f64
     let in_ms: Points = all.filter(is_time).map(|(row, m)| (row, 1e3 * m / speed(rows, row))).collect();
     Lead {
         median_m: percentile(points.m.iter().copied(), 0.5).unwrap_or_default(),
-        largest_m: points.m.iter().fold(0.0, |most: f64, &m| if m.abs() > most.abs() { m } else { most }),
         median_ms: percentile(in_ms.m.iter().copied(), 0.5),
         over_time_m: curve(name, rows, points, gap_s),
         over_time_ms: curve(name, rows, &in_ms, gap_s),
@@ -232,7 +231,6 @@ mod tests {
             // A chord of a turn is shorter than its arc.
             let median_ms = of.median_ms.unwrap();
             assert!((median_ms - want_ms).abs() < 8.0, "{median_ms} ms, not {want_ms}");
-            assert!(of.largest_m >= of.median_m && of.over_time_m.y.contains(&of.largest_m));
         }
     }
 

@@ -1,16 +1,13 @@
-//! The pages of a bench, a card and a study agree with their records.
+//! The pages of a bench and a card agree with their records.
 
-use crate::bench_fixture::{self, bench_record, card, failed_bench_record, silent_bench_record, study};
+use crate::bench_fixture::{self, bench_record, card, failed_bench_record, silent_bench_record};
 use crate::html::{Tag, points, read, shows};
 use flight::Quantity;
 use record::{
     BenchRecord, CardChannel, ChannelDynamics, DELAY_CHANGES, ENCODER_SLIP, Estimate, Finding, GateCheck, SensorCard,
     Verdict,
 };
-use report::{
-    BenchPage, CardPage, CardRecord, IndexedCard, Site, WithoutMean, bench_site, card_site, cards_site,
-    monte_carlo_site,
-};
+use report::{BenchPage, CardPage, CardRecord, IndexedCard, Site, WithoutMean, bench_site, card_site, cards_site};
 
 fn site(record: &BenchRecord) -> Site {
     let command = "flightlag bench swing-07-encoder.csv swing-07-mtig.csv --rig bench.rig.toml";
@@ -47,7 +44,7 @@ fn card_of(card: &SensorCard, records: &[BenchRecord]) -> Site {
 fn all_sites() -> Vec<Site> {
     let records = [bench_record(), silent_bench_record(), failed_bench_record()];
     let mut sites: Vec<Site> = records.iter().map(site).collect();
-    sites.extend([the_card(), monte_carlo_site(&study())]);
+    sites.push(the_card());
     sites
 }
 
@@ -528,15 +525,6 @@ fn the_wander_removed_from_a_drawn_position_is_stated_above_its_panel() {
          record)"
     ));
     assert!(!svg.contains("velocity.ins, north: on time (0.12\u{a0}±\u{a0}0.18 ms); wander"));
-}
-
-#[test]
-fn an_unmet_goal_is_reported_at_the_top_of_the_study() {
-    let html = text(&monte_carlo_site(&study()), "index.html");
-    assert!(html.contains("23 of 24 goals</b>") || html.contains("23 of 24 goals met</b>"));
-    let head = html.split("id=\"group-1\"").next().unwrap();
-    assert!(head.contains("10 Hz, white, regular: rms/CRLB"));
-    assert!(html.contains("≤ 1.05") && html.contains("— not asked"));
 }
 
 #[test]

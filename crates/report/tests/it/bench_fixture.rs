@@ -802,34 +802,6 @@ pub fn card() -> (SensorCard, Vec<BenchRecord>) {
     (card, records)
 }
 
-/// A study with an unmet goal and with numbers that have no goal.
-pub fn study() -> MonteCarloRecord {
-    let mut noise = Noise(5);
-    let mut case = |i: usize| MonteCarloCase {
-        name: format!("{} Hz, white, regular", [4, 10, 50, 100][i % 4]),
-        trials: 1000,
-        values: vec![
-            Some(estimate(1.01 + 0.02 * noise.next(), 0.022)),
-            Some(estimate(95.0 + 0.7 * noise.next(), 0.69)),
-            (!i.is_multiple_of(3)).then(|| estimate(0.02 * noise.next(), 0.03)),
-        ],
-        met: vec![Some(i != 5), Some(true), None],
-    };
-    MonteCarloRecord {
-        record_version: RECORD_VERSION,
-        title: "Delay estimator over rate, noise and stamps".into(),
-        seed: 20_261_121,
-        command: "just monte-carlo".into(),
-        groups: vec![MonteCarloGroup {
-            title: "Efficiency and coverage".into(),
-            text: "Each case simulates 60 s of swing anew for each trial, fits the delay, and compares.".into(),
-            columns: vec!["rms/CRLB".into(), "coverage (%)".into(), "bias/CRLB".into()],
-            goals: vec!["≤ 1.05".into(), "93 to 97".into(), String::new()],
-            cases: (0..12).map(&mut case).collect(),
-        }],
-    }
-}
-
 /// The given number of noise samples over the zoom.
 pub fn noise_curve(samples: usize) -> Curve {
     let mut noise = Noise(11);

@@ -68,20 +68,7 @@ fn axes(window: (f64, f64), step: f64) -> Vec<AxisCurves> {
     let side = |p: (f64, f64), axis: &str| if axis == "north" { p.0 } else { p.1 };
     let axis = |axis: &str| {
         let shown = |kind: &'static str| sampled(kind, window, step, |t| side(position(kind, t), axis));
-        let difference = |kind: &'static str| {
-            sampled(&format!("raw − {kind}"), window, step, |t| {
-                side(position(RAW, t), axis) - side(position(kind, t), axis)
-            })
-        };
-        let predicted = sampled("−v · (Td + age of the fix)", window, step, |t| {
-            let (now, next) = (position("truth", t - 5e-4), position("truth", t + 5e-4));
-            -(side(next, axis) - side(now, axis)) / 1e-3 * TD
-        });
-        AxisCurves {
-            axis: axis.into(),
-            position_m: vec![shown(RAW), shown(PADE), shown(EXACT)],
-            difference_m: vec![difference(PADE), difference(EXACT), predicted],
-        }
+        AxisCurves { axis: axis.into(), position_m: vec![shown(RAW), shown(PADE), shown(EXACT)] }
     };
     vec![axis("north"), axis("east")]
 }
@@ -111,7 +98,6 @@ fn lead() -> LeadCurves {
     LeadCurves {
         of: vec![Lead {
             median_m: 7.01,
-            largest_m: 8.84,
             median_ms: Some(400.3),
             over_time_m: sampled(EXACT, (0.0, DURATION), 1.0, |t| ahead(t).0),
             over_time_ms: sampled(EXACT, (0.0, DURATION), 1.0, |t| 1e3 * ahead(t).0 / ahead(t).1),

@@ -1,13 +1,13 @@
 //! Records with hostile text everywhere, all options absent, or very long lists.
 
-use crate::bench_fixture::{card, failed_bench_record, light_bench, light_bench_record, silent_bench_record, study};
+use crate::bench_fixture::{card, failed_bench_record, light_bench, light_bench_record, silent_bench_record};
 use crate::campaign_fixture::varied;
 use crate::fixture::{campaign_record, failed_record, flight_record};
 use crate::html::read;
-use record::{BenchRecord, CampaignRecord, FlightRecord, MonteCarloRecord, SensorCard};
+use record::{BenchRecord, CampaignRecord, FlightRecord, SensorCard};
 use report::{
     BenchPage, CardPage, CardRecord, FlightPage, Site, TrackExcerpt, bench_site, campaign_site, card_site,
-    changes_site, flight_site, monte_carlo_site,
+    changes_site, flight_site,
 };
 use serde_json::Value;
 
@@ -80,7 +80,7 @@ fn light_record() -> FlightRecord {
     let replay = record.replay.as_mut().unwrap();
     let zoom = replay.zoom.as_mut().unwrap();
     for axis in replay.axes.iter_mut().chain(&mut zoom.axes) {
-        for curve in axis.position_m.iter_mut().chain(&mut axis.difference_m) {
+        for curve in &mut axis.position_m {
             curve.t_s.truncate(50);
             curve.y.truncate(50);
         }
@@ -196,15 +196,13 @@ fn no_text_of_a_bench_record_without_a_result_becomes_markup() {
 }
 
 #[test]
-fn no_text_of_a_card_or_a_study_becomes_markup() {
+fn no_text_of_a_card_becomes_markup() {
     let records = [failed_bench_record(), light_bench_record()];
     let (sensor_card, _) = card();
     for payload in PAYLOADS {
         let (hostile_card, changed) = change_everywhere(&sensor_card, &hostile_text(payload));
         assert!(changed > 20, "only {changed} texts were reached");
         is_harmless(&card_page(&hostile_card, &records, payload), payload);
-        let (hostile_study, _) = change_everywhere::<MonteCarloRecord>(&study(), &hostile_text(payload));
-        is_harmless(&monte_carlo_site(&hostile_study), payload);
     }
 }
 
@@ -226,8 +224,6 @@ fn a_bench_record_with_absent_or_empty_parts_has_a_page() {
     is_harmless(&bench(&record, "n"), "n");
     let (empty_card, _) = change_everywhere(&card().0, &empty);
     is_harmless(&card_page(&empty_card, &[], "n"), "n");
-    let (empty_study, _) = change_everywhere(&study(), &empty);
-    is_harmless(&monte_carlo_site(&empty_study), "n");
 }
 
 #[test]
@@ -241,8 +237,6 @@ fn a_bench_record_with_extreme_numbers_has_a_page() {
         is_harmless(&bench(&record, "n"), "n");
         let (extreme_card, _) = change_everywhere(&sensor_card, &change);
         is_harmless(&card_page(&extreme_card, std::slice::from_ref(&record), "n"), "n");
-        let (extreme_study, _) = change_everywhere(&study(), &change);
-        is_harmless(&monte_carlo_site(&extreme_study), "n");
     }
 }
 
