@@ -4,62 +4,6 @@ use super::unit::Dimension;
 #[cfg(feature = "schema")]
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 
-/// A number in the record of a flight.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Metric {
-    Lateness,
-    DelayVaries,
-    Delay,
-    VelocityDelay,
-    DelayAgainstReference,
-    VelocityDelayAgainstReference,
-    DelayDifference,
-    DelayNormalisedDifference,
-    DelayChange,
-    DelayExpandedUncertainty,
-    SmallestDetectableDelayChange,
-    InjectionError,
-    MovingShare,
-    ErrorRms,
-    ErrorP95,
-    ErrorRatio,
-    CorrectionRms,
-    StepAtFixRms,
-    ErrorMax,
-    AlongTrackRms,
-    AcrossTrackRms,
-    ResidualDelay,
-    ResidualDelayAgainstReference,
-    LeadError,
-    StepCorrelation,
-    Hysteresis,
-    StraightAcrossRms,
-    StraightNoiseRatio,
-    MotionHelpedShare,
-    MotionHarmedShare,
-    OnboardDifferenceRms,
-    ErrorAtBenchValue,
-    StepAtBenchValue,
-    DelayOfLeastError,
-    ValidShare,
-    Duration,
-    SpeedMedian,
-    LongestPositionGap,
-    PositionResets,
-    BridgedGaps,
-    Restarts,
-    PositionRate,
-    VelocityRate,
-    ChannelRate,
-    ChannelLongestStep,
-    ChannelUsedShare,
-    BytesDamaged,
-    DamagedShare,
-    MessagesUndecodable,
-    Losses,
-    Warnings,
-}
-
 /// Additional keys of a criterion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Takes {
@@ -105,549 +49,147 @@ const UNSURE: bool = true;
 /// A metric that has no uncertainty.
 const PLAIN: bool = false;
 
-/// Every metric, as `flightlag criteria` lists them.
-pub const METRICS: &[MetricEntry] = {
-    use Dimension::{Bytes, Count, Length, Rate, Ratio, Share, Speed, Time};
-    use Range::{Positive, Signed};
-    use Takes::{Channel, Compensator, Nothing, Pair};
-    &[
-        entry(
-            Metric::Delay,
-            "delay",
-            "Td(position), one pair",
-            Time,
-            UNSURE,
-            Pair,
-            Signed,
-            "How late position is against velocity, from this one pair of the flight; positive is late. All pairs together: lateness.",
-        ),
-        entry(
-            Metric::Lateness,
-            "lateness",
-            "T(position)",
-            Time,
-            UNSURE,
-            Nothing,
-            Signed,
-            "How late position is, from all pairs of the flight together: against the IMU, or relative to the velocity where \
-             the log has no datum; positive is late.",
-        ),
-        entry(
-            Metric::DelayVaries,
-            "delay-varies",
-            "delay varies",
-            Count,
-            PLAIN,
-            Nothing,
-            Positive,
-            "1 if a change of the delay was detected during the flight, 0 if it stays the same; not evaluated if the \
-             flight does not show it.",
-        ),
-        entry(
-            Metric::VelocityDelay,
-            "velocity-delay",
-            "Td(velocity)",
-            Time,
-            UNSURE,
-            Pair,
-            Signed,
-            "How late velocity is against integrated acceleration, measured from the flight itself.",
-        ),
-        entry(
-            Metric::DelayAgainstReference,
-            "delay-against-reference",
-            "Td(position against reference)",
-            Time,
-            UNSURE,
-            Pair,
-            Signed,
-            "How late position is against the reference position, measured from the flight itself.",
-        ),
-        entry(
-            Metric::VelocityDelayAgainstReference,
-            "velocity-delay-against-reference",
-            "Td(velocity against reference)",
-            Time,
-            UNSURE,
-            Pair,
-            Signed,
-            "How late velocity is against the reference position, measured from the flight itself.",
-        ),
-        entry(
-            Metric::DelayDifference,
-            "delay-difference",
-            "Td(flight) − Td(bench)",
-            Time,
-            UNSURE,
-            Nothing,
-            Signed,
-            "Delay measured from the flight minus the delay that was removed: from the sensor card or, without a \
-             card, from the pipeline. Both need an uncertainty.",
-        ),
-        entry(
-            Metric::DelayNormalisedDifference,
-            "delay-normalised-difference",
-            "|E_n| of flight and bench delay",
-            Ratio,
-            PLAIN,
-            Nothing,
-            Positive,
-            "|E_n|: magnitude of that difference over √(U₁² + U₂²), the U of the two, k = 2 (ISO 13528). At most 1 means that \
-             both agree. Both need an uncertainty.",
-        ),
-        entry(
-            Metric::DelayChange,
-            "delay-change",
-            "Change of Td over the flight",
-            Time,
-            UNSURE,
-            Pair,
-            Positive,
-            "Magnitude of the step of the delay where the flight is split in two so that the delays before and after \
-             differ most. The interval is widened for the number of splits that were tried.",
-        ),
-        entry(
-            Metric::DelayExpandedUncertainty,
-            "delay-expanded-uncertainty",
-            "U of Td(position), one pair",
-            Time,
-            PLAIN,
-            Pair,
-            Positive,
-            "Expanded uncertainty (k = 2) of the delay between position and velocity. The lateness is less certain.",
-        ),
-        entry(
-            Metric::SmallestDetectableDelayChange,
-            "smallest-detectable-delay-change",
-            "Smallest detectable Td",
-            Time,
-            PLAIN,
-            Pair,
-            Positive,
-            "Delay that a test at 5 % would detect in this flight with a probability of 80 %.",
-        ),
-        entry(
-            Metric::InjectionError,
-            "injection-error",
-            "Error of recovering an injected delay",
-            Time,
-            UNSURE,
-            Pair,
-            Signed,
-            "Worst error in recovering a known delay that was injected into half of the flight.",
-        ),
-        entry(
-            Metric::MovingShare,
-            "moving-share",
-            "Share of motion that shows a delay",
-            Share,
-            PLAIN,
-            Pair,
-            Range::Share,
-            "Share of the motion that is left after offset and drift are removed: 0 in straight and steady flight.",
-        ),
-        entry(
-            Metric::ErrorRms,
-            "error-rms",
-            "Error against the reference, 2‑D rms",
-            Length,
-            UNSURE,
-            Compensator,
-            Positive,
-            "2-D rms error of a compensator (or `raw`) against the reference position.",
-        ),
-        entry(
-            Metric::ErrorP95,
-            "error-p95",
-            "Error against the reference, 2‑D 95th percentile",
-            Length,
-            UNSURE,
-            Compensator,
-            Positive,
-            "2-D 95th percentile of the error of a compensator (or `raw`) against the reference position.",
-        ),
-        entry(
-            Metric::ErrorRatio,
-            "error-ratio",
-            "Error rms over raw error rms",
-            Ratio,
-            UNSURE,
-            Compensator,
-            Positive,
-            "2-D rms error of a compensator over that of the raw position: below 1 it helps. The uncertainty is the \
-             largest for any correlation of the two.",
-        ),
-        entry(
-            Metric::CorrectionRms,
-            "correction-rms",
-            "Raw − compensated, 2‑D rms",
-            Length,
-            UNSURE,
-            Compensator,
-            Positive,
-            "How far a compensator moves the raw position, 2-D rms.",
-        ),
-        entry(
-            Metric::StepAtFixRms,
-            "step-at-fix-rms",
-            "Step at a fix, 2‑D rms",
-            Length,
-            UNSURE,
-            Compensator,
-            Positive,
-            "How far the output of a compensator (or `raw`) jumps when the next fix arrives, 2-D rms.",
-        ),
-        entry(
-            Metric::ErrorMax,
-            "error-max",
-            "Largest error against the reference, 2‑D",
-            Length,
-            PLAIN,
-            Compensator,
-            Positive,
-            "Largest 2-D error of a compensator (or `raw`) against the reference position.",
-        ),
-        entry(
-            Metric::AlongTrackRms,
-            "along-track-rms",
-            "Error along the track, rms",
-            Length,
-            UNSURE,
-            Compensator,
-            Positive,
-            "Error of a compensator (or `raw`) against the reference along the track, rms: where a delay shows.",
-        ),
-        entry(
-            Metric::AcrossTrackRms,
-            "across-track-rms",
-            "Error across the track, rms",
-            Length,
-            UNSURE,
-            Compensator,
-            Positive,
-            "Error of a compensator (or `raw`) against the reference across the track, rms.",
-        ),
-        entry(
-            Metric::ResidualDelay,
-            "residual-delay",
-            "Residual delay against the velocity",
-            Time,
-            UNSURE,
-            Compensator,
-            Signed,
-            "How late the output of a compensator still is against integrated velocity: zero if everything was \
-             removed and the velocity is on time. Not evaluated where the removed delay was measured in the same flight, because it is then zero \
-             by construction.",
-        ),
-        entry(
-            Metric::ResidualDelayAgainstReference,
-            "residual-delay-against-reference",
-            "Residual delay against the reference",
-            Time,
-            UNSURE,
-            Compensator,
-            Signed,
-            "How late the output of a compensator still is against the reference.",
-        ),
-        entry(
-            Metric::LeadError,
-            "lead-error",
-            "Lead minus the delay given",
-            Time,
-            UNSURE,
-            Compensator,
-            Signed,
-            "Distance along the track by which the output leads the raw position, divided by the ground speed, minus \
-             the delay that the compensator was given.",
-        ),
-        entry(
-            Metric::StepCorrelation,
-            "step-correlation",
-            "Correlation of steps at fixes with the way flown",
-            Ratio,
-            UNSURE,
-            Compensator,
-            Signed,
-            "Correlation of the output's steps at the fixes with the way flown between them: 1 for raw, 0 after compensation.",
-        ),
-        entry(
-            Metric::Hysteresis,
-            "hysteresis",
-            "Offset between opposite passes, along the track",
-            Length,
-            UNSURE,
-            Compensator,
-            Signed,
-            "Offset along the track between passes over the same place in opposite directions: positive if both \
-             trail, as a late position does.",
-        ),
-        entry(
-            Metric::StraightAcrossRms,
-            "straight-across-rms",
-            "Correction across straight legs, rms",
-            Length,
-            UNSURE,
-            Compensator,
-            Positive,
-            "How far a compensator moves the position sideways on straight legs, rms, where it should not move it.",
-        ),
-        entry(
-            Metric::StraightNoiseRatio,
-            "straight-noise-ratio",
-            "Noise over raw noise on straight legs",
-            Ratio,
-            UNSURE,
-            Compensator,
-            Positive,
-            "Noise of a compensator's output over the raw noise on straight legs: above 1 it adds noise.",
-        ),
-        entry(
-            Metric::MotionHelpedShare,
-            "motion-helped-share",
-            "Share of the motion that is helped",
-            Share,
-            PLAIN,
-            Compensator,
-            Range::Share,
-            "Share of the power of the flight's velocity at frequencies at which the compensator helps.",
-        ),
-        entry(
-            Metric::MotionHarmedShare,
-            "motion-harmed-share",
-            "Share of the motion that is made worse",
-            Share,
-            PLAIN,
-            Compensator,
-            Range::Share,
-            "Share of the power of the flight's velocity at frequencies at which the compensator is worse than raw.",
-        ),
-        entry(
-            Metric::OnboardDifferenceRms,
-            "onboard-difference-rms",
-            "Onboard position minus replay, 2‑D rms",
-            Length,
-            PLAIN,
-            Compensator,
-            Positive,
-            "Compensated position that the aircraft computed in flight minus the replay of a compensator, 2-D rms \
-             after the start.",
-        ),
-        entry(
-            Metric::ErrorAtBenchValue,
-            "error-at-bench-value",
-            "Error rms at the bench value of Td",
-            Length,
-            UNSURE,
-            Nothing,
-            Positive,
-            "2-D rms error against the reference of the exact form with the delay of the sensor card, whichever \
-             delay was removed: would this flight meet the limit with the bench value?",
-        ),
-        entry(
-            Metric::StepAtBenchValue,
-            "step-at-bench-value",
-            "Step at a fix at the bench value of Td",
-            Length,
-            UNSURE,
-            Nothing,
-            Positive,
-            "2-D rms step at the fixes of the exact form with the delay of the sensor card, for flights without a reference.",
-        ),
-        entry(
-            Metric::DelayOfLeastError,
-            "delay-of-least-error",
-            "Td of least error",
-            Time,
-            UNSURE,
-            Nothing,
-            Signed,
-            "The delay whose removal fits the flight best: the optimum of its delay sweep.",
-        ),
-        entry(
-            Metric::ValidShare,
-            "valid-share",
-            "Time with a valid compensated position",
-            Share,
-            PLAIN,
-            Nothing,
-            Range::Share,
-            "Share of the time covered that has a valid compensated position.",
-        ),
-        entry(
-            Metric::Duration,
-            "duration",
-            "Time covered",
-            Time,
-            PLAIN,
-            Nothing,
-            Positive,
-            "From the first to the last output row.",
-        ),
-        entry(
-            Metric::SpeedMedian,
-            "speed-median",
-            "Ground speed, median",
-            Speed,
-            PLAIN,
-            Nothing,
-            Positive,
-            "Median ground speed.",
-        ),
-        entry(
-            Metric::LongestPositionGap,
-            "longest-position-gap",
-            "Longest time without a position fix",
-            Time,
-            PLAIN,
-            Nothing,
-            Positive,
-            "Longest time without a position fix.",
-        ),
-        entry(
-            Metric::PositionResets,
-            "position-resets",
-            "Position resets",
-            Count,
-            PLAIN,
-            Nothing,
-            Positive,
-            "Fixes that jump against integrated velocity by more than five sigma of the neighbouring fixes.",
-        ),
-        entry(
-            Metric::BridgedGaps,
-            "bridged-gaps",
-            "Velocity gaps bridged",
-            Count,
-            PLAIN,
-            Nothing,
-            Positive,
-            "Velocity gaps short enough to be bridged.",
-        ),
-        entry(
-            Metric::Restarts,
-            "restarts",
-            "Restarts after velocity gaps",
-            Count,
-            PLAIN,
-            Nothing,
-            Positive,
-            "Velocity gaps too long to be bridged: the compensators restarted.",
-        ),
-        entry(
-            Metric::PositionRate,
-            "position-rate",
-            "Rate of the position",
-            Rate,
-            PLAIN,
-            Nothing,
-            Positive,
-            "Updates per second of the position that was replayed, outside gaps.",
-        ),
-        entry(
-            Metric::VelocityRate,
-            "velocity-rate",
-            "Rate of the velocity",
-            Rate,
-            PLAIN,
-            Nothing,
-            Positive,
-            "Updates per second of the velocity that was replayed, outside gaps.",
-        ),
-        entry(
-            Metric::ChannelRate,
-            "channel-rate",
-            "Rate",
-            Rate,
-            PLAIN,
-            Channel,
-            Positive,
-            "Updates per second of a channel, outside gaps.",
-        ),
-        entry(
-            Metric::ChannelLongestStep,
-            "channel-longest-step",
-            "Longest step between timestamps",
-            Time,
-            PLAIN,
-            Channel,
-            Positive,
-            "Longest time between two timestamps of a channel.",
-        ),
-        entry(
-            Metric::ChannelUsedShare,
-            "channel-used-share",
-            "Rows used",
-            Share,
-            PLAIN,
-            Channel,
-            Range::Share,
-            "Share of the rows of a channel that could be used.",
-        ),
-        entry(
-            Metric::BytesDamaged,
-            "bytes-damaged",
-            "Bytes damaged",
-            Bytes,
-            PLAIN,
-            Nothing,
-            Positive,
-            "Bytes of the log that could not be read or failed a checksum.",
-        ),
-        entry(
-            Metric::DamagedShare,
-            "damaged-share",
-            "Share of the log that is damaged",
-            Share,
-            PLAIN,
-            Nothing,
-            Range::Share,
-            "Share of the bytes of the log that could not be read or failed a checksum.",
-        ),
-        entry(
-            Metric::MessagesUndecodable,
-            "messages-undecodable",
-            "Messages that could not be decoded",
-            Count,
-            PLAIN,
-            Nothing,
-            Positive,
-            "Messages or rows that were found and could not be decoded.",
-        ),
-        entry(
-            Metric::Losses,
-            "losses",
-            "Notices of lost data",
-            Count,
-            PLAIN,
-            Nothing,
-            Positive,
-            "Notices of severity loss.",
-        ),
-        entry(
-            Metric::Warnings,
-            "warnings",
-            "Warnings",
-            Count,
-            PLAIN,
-            Nothing,
-            Positive,
-            "Notices of severity warning.",
-        ),
-    ]
-};
+/// Declares [`Metric`] and [`METRICS`] from one table: metric, name in the file, name on a page, dimension, uncertainty,
+/// additional keys, range and description.
+macro_rules! metrics {
+    ($($metric:ident $name:literal $symbol:literal: $dimension:ident $uncertain:ident $takes:ident $range:ident
+        $about:literal;)*) => {
+        /// A number in the record of a flight.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        pub(crate) enum Metric {
+            $($metric,)*
+        }
 
-#[expect(clippy::too_many_arguments, reason = "a row of the table above")]
-const fn entry(
-    metric: Metric,
-    name: &'static str,
-    symbol: &'static str,
-    dimension: Dimension,
-    uncertain: bool,
-    takes: Takes,
-    range: Range,
-    about: &'static str,
-) -> MetricEntry {
-    MetricEntry { metric, name, symbol, dimension, uncertain, takes, range, about }
+        /// Every metric, as `flightlag criteria` lists them.
+        pub const METRICS: &[MetricEntry] = &[$(MetricEntry {
+            metric: Metric::$metric,
+            name: $name,
+            symbol: $symbol,
+            dimension: Dimension::$dimension,
+            uncertain: $uncertain,
+            takes: Takes::$takes,
+            range: Range::$range,
+            about: $about,
+        },)*];
+    };
+}
+
+metrics! {
+    Delay "delay" "Td(position), one pair": Time UNSURE Pair Signed
+        "How late position is against velocity, from this one pair of the flight; positive is late. All pairs together: \
+         lateness.";
+    Lateness "lateness" "T(position)": Time UNSURE Nothing Signed
+        "How late position is, from all pairs of the flight together: against the IMU, or relative to the velocity where \
+         the log has no datum; positive is late.";
+    DelayVaries "delay-varies" "delay varies": Count PLAIN Nothing Positive
+        "1 if a change of the delay was detected during the flight, 0 if it stays the same; not evaluated if the flight \
+         does not show it.";
+    VelocityDelay "velocity-delay" "Td(velocity)": Time UNSURE Pair Signed
+        "How late velocity is against integrated acceleration, measured from the flight itself.";
+    DelayAgainstReference "delay-against-reference" "Td(position against reference)": Time UNSURE Pair Signed
+        "How late position is against the reference position, measured from the flight itself.";
+    VelocityDelayAgainstReference "velocity-delay-against-reference" "Td(velocity against reference)": Time UNSURE Pair Signed
+        "How late velocity is against the reference position, measured from the flight itself.";
+    DelayDifference "delay-difference" "Td(flight) − Td(bench)": Time UNSURE Nothing Signed
+        "Delay measured from the flight minus the delay that was removed: from the sensor card or, without a card, from \
+         the pipeline. Both need an uncertainty.";
+    DelayNormalisedDifference "delay-normalised-difference" "|E_n| of flight and bench delay": Ratio PLAIN Nothing Positive
+        "|E_n|: magnitude of that difference over √(U₁² + U₂²), the U of the two, k = 2 (ISO 13528). At most 1 means that \
+         both agree. Both need an uncertainty.";
+    DelayChange "delay-change" "Change of Td over the flight": Time UNSURE Pair Positive
+        "Magnitude of the step of the delay where the flight is split in two so that the delays before and after differ \
+         most. The interval is widened for the number of splits that were tried.";
+    DelayExpandedUncertainty "delay-expanded-uncertainty" "U of Td(position), one pair": Time PLAIN Pair Positive
+        "Expanded uncertainty (k = 2) of the delay between position and velocity. The lateness is less certain.";
+    SmallestDetectableDelayChange "smallest-detectable-delay-change" "Smallest detectable Td": Time PLAIN Pair Positive
+        "Delay that a test at 5 % would detect in this flight with a probability of 80 %.";
+    InjectionError "injection-error" "Error of recovering an injected delay": Time UNSURE Pair Signed
+        "Worst error in recovering a known delay that was injected into half of the flight.";
+    MovingShare "moving-share" "Share of motion that shows a delay": Share PLAIN Pair Share
+        "Share of the motion that is left after offset and drift are removed: 0 in straight and steady flight.";
+    ErrorRms "error-rms" "Error against the reference, 2‑D rms": Length UNSURE Compensator Positive
+        "2-D rms error of a compensator (or `raw`) against the reference position.";
+    ErrorP95 "error-p95" "Error against the reference, 2‑D 95th percentile": Length UNSURE Compensator Positive
+        "2-D 95th percentile of the error of a compensator (or `raw`) against the reference position.";
+    ErrorRatio "error-ratio" "Error rms over raw error rms": Ratio UNSURE Compensator Positive
+        "2-D rms error of a compensator over that of the raw position: below 1 it helps. The uncertainty is the largest \
+         for any correlation of the two.";
+    CorrectionRms "correction-rms" "Raw − compensated, 2‑D rms": Length UNSURE Compensator Positive
+        "How far a compensator moves the raw position, 2-D rms.";
+    StepAtFixRms "step-at-fix-rms" "Step at a fix, 2‑D rms": Length UNSURE Compensator Positive
+        "How far the output of a compensator (or `raw`) jumps when the next fix arrives, 2-D rms.";
+    ErrorMax "error-max" "Largest error against the reference, 2‑D": Length PLAIN Compensator Positive
+        "Largest 2-D error of a compensator (or `raw`) against the reference position.";
+    AlongTrackRms "along-track-rms" "Error along the track, rms": Length UNSURE Compensator Positive
+        "Error of a compensator (or `raw`) against the reference along the track, rms: where a delay shows.";
+    AcrossTrackRms "across-track-rms" "Error across the track, rms": Length UNSURE Compensator Positive
+        "Error of a compensator (or `raw`) against the reference across the track, rms.";
+    ResidualDelay "residual-delay" "Residual delay against the velocity": Time UNSURE Compensator Signed
+        "How late the output of a compensator still is against integrated velocity: zero if everything was removed and \
+         the velocity is on time. Not evaluated where the removed delay was measured in the same flight, because it is \
+         then zero by construction.";
+    ResidualDelayAgainstReference "residual-delay-against-reference" "Residual delay against the reference": Time UNSURE Compensator Signed
+        "How late the output of a compensator still is against the reference.";
+    LeadError "lead-error" "Lead minus the delay given": Time UNSURE Compensator Signed
+        "Distance along the track by which the output leads the raw position, divided by the ground speed, minus the \
+         delay that the compensator was given.";
+    StepCorrelation "step-correlation" "Correlation of steps at fixes with the way flown": Ratio UNSURE Compensator Signed
+        "Correlation of the output's steps at the fixes with the way flown between them: 1 for raw, 0 after compensation.";
+    Hysteresis "hysteresis" "Offset between opposite passes, along the track": Length UNSURE Compensator Signed
+        "Offset along the track between passes over the same place in opposite directions: positive if both trail, as a \
+         late position does.";
+    StraightAcrossRms "straight-across-rms" "Correction across straight legs, rms": Length UNSURE Compensator Positive
+        "How far a compensator moves the position sideways on straight legs, rms, where it should not move it.";
+    StraightNoiseRatio "straight-noise-ratio" "Noise over raw noise on straight legs": Ratio UNSURE Compensator Positive
+        "Noise of a compensator's output over the raw noise on straight legs: above 1 it adds noise.";
+    MotionHelpedShare "motion-helped-share" "Share of the motion that is helped": Share PLAIN Compensator Share
+        "Share of the power of the flight's velocity at frequencies at which the compensator helps.";
+    MotionHarmedShare "motion-harmed-share" "Share of the motion that is made worse": Share PLAIN Compensator Share
+        "Share of the power of the flight's velocity at frequencies at which the compensator is worse than raw.";
+    OnboardDifferenceRms "onboard-difference-rms" "Onboard position minus replay, 2‑D rms": Length PLAIN Compensator Positive
+        "Compensated position that the aircraft computed in flight minus the replay of a compensator, 2-D rms after the \
+         start.";
+    ErrorAtBenchValue "error-at-bench-value" "Error rms at the bench value of Td": Length UNSURE Nothing Positive
+        "2-D rms error against the reference of the exact form with the delay of the sensor card, whichever delay was \
+         removed: would this flight meet the limit with the bench value?";
+    StepAtBenchValue "step-at-bench-value" "Step at a fix at the bench value of Td": Length UNSURE Nothing Positive
+        "2-D rms step at the fixes of the exact form with the delay of the sensor card, for flights without a reference.";
+    DelayOfLeastError "delay-of-least-error" "Td of least error": Time UNSURE Nothing Signed
+        "The delay whose removal fits the flight best: the optimum of its delay sweep.";
+    ValidShare "valid-share" "Time with a valid compensated position": Share PLAIN Nothing Share
+        "Share of the time covered that has a valid compensated position.";
+    Duration "duration" "Time covered": Time PLAIN Nothing Positive
+        "From the first to the last output row.";
+    SpeedMedian "speed-median" "Ground speed, median": Speed PLAIN Nothing Positive
+        "Median ground speed.";
+    LongestPositionGap "longest-position-gap" "Longest time without a position fix": Time PLAIN Nothing Positive
+        "Longest time without a position fix.";
+    PositionResets "position-resets" "Position resets": Count PLAIN Nothing Positive
+        "Fixes that jump against integrated velocity by more than five sigma of the neighbouring fixes.";
+    BridgedGaps "bridged-gaps" "Velocity gaps bridged": Count PLAIN Nothing Positive
+        "Velocity gaps short enough to be bridged.";
+    Restarts "restarts" "Restarts after velocity gaps": Count PLAIN Nothing Positive
+        "Velocity gaps too long to be bridged: the compensators restarted.";
+    PositionRate "position-rate" "Rate of the position": Rate PLAIN Nothing Positive
+        "Updates per second of the position that was replayed, outside gaps.";
+    VelocityRate "velocity-rate" "Rate of the velocity": Rate PLAIN Nothing Positive
+        "Updates per second of the velocity that was replayed, outside gaps.";
+    ChannelRate "channel-rate" "Rate": Rate PLAIN Channel Positive
+        "Updates per second of a channel, outside gaps.";
+    ChannelLongestStep "channel-longest-step" "Longest step between timestamps": Time PLAIN Channel Positive
+        "Longest time between two timestamps of a channel.";
+    ChannelUsedShare "channel-used-share" "Rows used": Share PLAIN Channel Share
+        "Share of the rows of a channel that could be used.";
+    BytesDamaged "bytes-damaged" "Bytes damaged": Bytes PLAIN Nothing Positive
+        "Bytes of the log that could not be read or failed a checksum.";
+    DamagedShare "damaged-share" "Share of the log that is damaged": Share PLAIN Nothing Share
+        "Share of the bytes of the log that could not be read or failed a checksum.";
+    MessagesUndecodable "messages-undecodable" "Messages that could not be decoded": Count PLAIN Nothing Positive
+        "Messages or rows that were found and could not be decoded.";
+    Losses "losses" "Notices of lost data": Count PLAIN Nothing Positive
+        "Notices of severity loss.";
+    Warnings "warnings" "Warnings": Count PLAIN Nothing Positive
+        "Notices of severity warning.";
 }
 
 impl MetricEntry {
