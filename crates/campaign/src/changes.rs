@@ -4,8 +4,8 @@
 //! does not change them.
 
 use record::{
-    CampaignChanges, CampaignRecord, CriterionVerdict, EffectVerdict, Estimate, FlightRow, MadeWith, MovedDelay,
-    Outcome, RECORD_VERSION, RerunFlight, TroubleChange,
+    CampaignChanges, CampaignRecord, CriterionVerdict, EffectVerdict, Estimate, FlightRow, GroupLateness, MadeWith,
+    MovedDelay, Outcome, RECORD_VERSION, RerunFlight, TroubleChange,
 };
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -42,18 +42,24 @@ pub(crate) fn changes(
         }
     }
     changes.gone = old.into_keys().map(str::to_owned).collect();
-    let groups = now.groups.iter().filter_map(|group| {
-        let is_same = |g: &&record::GroupLateness| g.group.key == group.group.key && g.against == group.against;
-        let one = |groups: &[record::GroupLateness]| groups.iter().filter(is_same).count() == 1;
-        // The parts of a split group have no own names.
-        let was = before.groups.iter().find(is_same).filter(|_| one(&before.groups) && one(&now.groups))?;
+    changes.moved.sort_by(|a, b| b.sigmas.total_cmp(&a.sigmas));
+    changes.moved_groups = moved_groups(&before.groups, &now.groups);
+    changes
+}
+
+/// Groups in both reports whose mean moved, the largest move first. The parts of a group that was split have no names
+/// of their own.
+#[must_use]
+pub fn moved_groups(before: &[GroupLateness], now: &[GroupLateness]) -> Vec<MovedDelay> {
+    let groups = now.iter().filter_map(|group| {
+        let is_same = |g: &&GroupLateness| g.group.key == group.group.key && g.against == group.against;
+        let one = |groups: &[GroupLateness]| groups.iter().filter(is_same).count() == 1;
+        let was = before.iter().find(is_same).filter(|_| one(before) && one(now))?;
         moved(&group.group.name, was.lateness_s?, group.lateness_s?)
     });
-    changes.moved_groups = groups.collect();
-    for list in [&mut changes.moved, &mut changes.moved_groups] {
-        list.sort_by(|a, b| b.sigmas.total_cmp(&a.sigmas));
-    }
-    changes
+    let mut all: Vec<MovedDelay> = groups.collect();
+    all.sort_by(|a, b| b.sigmas.total_cmp(&a.sigmas));
+    all
 }
 
 fn compare(was: &FlightRow, row: &FlightRow, causes: &dyn Fn(&str) -> Vec<String>, changes: &mut CampaignChanges) {

@@ -78,6 +78,7 @@ mod test_cards;
 mod work;
 
 pub use bench::{BENCH_ANALYSIS_VERSION, BenchOrder, BenchRow, BenchVerdict, bench_index, bench_run};
+pub use changes::moved_groups;
 pub use compensation_replay::{ClockRule, error_words};
 pub use config::{DEFAULT_PIPELINE, DEMO_PIPELINE, Pipeline};
 pub use criteria::{Criteria, CriteriaError, DEMO_CRITERIA, Dimension, EXAMPLE_CRITERIA, METRICS, MetricEntry, Takes};
@@ -104,4 +105,4 @@ pub use task::{TaskReport, quiet_caught_panics, task};
 
 /// Raised by hand when reading, binding or replaying a flight gives different results: earlier results are then made
 /// again. The build's own hash is not part of a result's key, because most code changes affect no number.
-pub const ANALYSIS_VERSION: u32 = 36;
+pub const ANALYSIS_VERSION: u32 = 37;

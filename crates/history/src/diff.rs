@@ -6,14 +6,9 @@ use crate::dataset::{Latest, Run, latest_of};
 use crate::error::HistoryError;
 use crate::fleet::Fleet;
 use crate::row::Row;
-use record::{
-    CampaignRecord, ComparedReport, DiffRecord, GroupLateness, MovedDelay, NamedFlight, RECORD_VERSION, RunChanges,
-};
+use record::{CampaignRecord, ComparedReport, DiffRecord, NamedFlight, RECORD_VERSION, RunChanges};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path, PathBuf};
-
-/// A mean counts as moved beyond this many standard uncertainties.
-const MOVED_SIGMAS: f64 = 2.0;
 
 /// Compares two reports of campaigns. `page_folder` is the folder of the page that will list the flights; links to
 /// pages of flights are relative to it.
@@ -33,7 +28,7 @@ pub fn diff(before: &Path, now: &Path, page_folder: Option<&Path>) -> Result<Dif
     Ok(DiffRecord {
         record_version: RECORD_VERSION,
         settings: settings_that_differ(&records.0.pipeline.toml, &records.1.pipeline.toml),
-        moved_groups: moved_groups(&records.0.groups, &records.1.groups),
+        moved_groups: campaign::moved_groups(&records.0.groups, &records.1.groups),
         before: compared(&records.0, before),
         now: compared(&records.1, now),
         changes,
@@ -87,23 +82,6 @@ fn flat(text: &str) -> BTreeMap<String, String> {
         // Not TOML: keep the whole text.
         Err(_) => drop(all.insert("settings".to_owned(), text.to_owned())),
     }
-    all
-}
-
-/// Groups in both reports whose mean moved. The parts of a group that was split have no names of their own.
-fn moved_groups(before: &[GroupLateness], now: &[GroupLateness]) -> Vec<MovedDelay> {
-    let moved = |group: &GroupLateness| {
-        let is_same = |other: &&GroupLateness| other.group.key == group.group.key && other.against == group.against;
-        let one = |groups: &[GroupLateness]| groups.iter().filter(is_same).count() == 1;
-        let was = before.iter().find(is_same).filter(|_| one(before) && one(now))?;
-        let (before_s, now_s) = (was.lateness_s?, group.lateness_s?);
-        let u = before_s.standard_uncertainty?.hypot(now_s.standard_uncertainty?);
-        let sigmas = (now_s.value - before_s.value).abs() / u;
-        let name = group.group.name.clone();
-        (u > 0.0 && sigmas > MOVED_SIGMAS).then_some(MovedDelay { name, before_s, now_s, sigmas })
-    };
-    let mut all: Vec<MovedDelay> = now.iter().filter_map(moved).collect();
-    all.sort_by(|a, b| b.sigmas.total_cmp(&a.sigmas));
     all
 }
 

@@ -136,22 +136,32 @@ fn troubles(title: &str, all: &[TroubleChange], said: fn(&str) -> String, pages:
 }
 
 fn moved(title: &str, all: &[MovedDelay], pages: &Pages<'_>) -> Markup {
-    let head = [Text("Name"), Number("Before (ms)"), Number("Now (ms)"), Number("Moved by (σ)")];
+    html! {
+        @if !all.is_empty() {
+            h2 { (title) ": " (number::count(all.len() as u64)) }
+            (moved_table(title, ["Name", "Before (ms)", "Now (ms)"], all, &|name| named(name, pages)))
+            p.note { "± is U with k = 2. σ: root of the sum of both squared standard uncertainties." }
+        }
+    }
+}
+
+/// Delays that moved, with the titles of the first three columns.
+pub(super) fn moved_table(
+    caption: &str,
+    [name, before, now]: [&'static str; 3],
+    all: &[MovedDelay],
+    named: &dyn Fn(&str) -> Markup,
+) -> Markup {
+    let head = [Text(name), Number(before), Number(now), Number("Moved by (σ)")];
     let row = |of: &MovedDelay| {
         html! {
             tr {
-                th scope="row" { (named(&of.name, pages)) }
+                th scope="row" { (named(&of.name)) }
                 td.n { (estimate(&in_millis(&of.before_s))) }
                 td.n { (estimate(&in_millis(&of.now_s))) }
                 td.n { (super::plain(of.sigmas, 2)) }
             }
         }
     };
-    html! {
-        @if !all.is_empty() {
-            h2 { (title) ": " (number::count(all.len() as u64)) }
-            (table(title, &head, super::rows(all, MOST, head.len(), row)))
-            p.note { "± is U with k = 2. σ: root of the sum of both squared standard uncertainties." }
-        }
-    }
+    table(caption, &head, super::rows(all, MOST, head.len(), row))
 }

@@ -1,16 +1,13 @@
 //! The page of a comparison of two reports.
 
-use super::Head::{Number, Text};
+use super::Head::Text;
+use super::changes::moved_table;
 use super::run_changes::{Names, is_empty, sections};
-use super::{Needs, document, estimate, files, number, rows, table};
+use super::{Needs, document, files, number, table};
 use crate::site::Site;
 use crate::text::shown;
-use crate::verdict::in_millis;
 use maud::{Markup, html};
 use record::{ComparedReport, DiffRecord, MovedDelay, RunChanges};
-
-/// Maximum number of groups in the table.
-const MOST: usize = 200;
 
 /// The page of a comparison as `index.html`.
 #[must_use]
@@ -85,21 +82,10 @@ fn settings(record: &DiffRecord) -> Markup {
 }
 
 fn groups(moved: &[MovedDelay]) -> Markup {
-    let head = [Text("Group"), Number("First (ms)"), Number("Second (ms)"), Number("Moved by (σ)")];
-    let row = |of: &MovedDelay| {
-        html! {
-            tr {
-                th scope="row" { (shown(&of.name)) }
-                td.n { (estimate(&in_millis(&of.before_s))) }
-                td.n { (estimate(&in_millis(&of.now_s))) }
-                td.n { (super::plain(of.sigmas, 2)) }
-            }
-        }
-    };
     html! {
         @if !moved.is_empty() {
             h2 { "Groups whose delay moved" }
-            (table("Mean lateness of groups that moved by more than 2 σ", &head, rows(moved, MOST, head.len(), row)))
+            (moved_table("Mean lateness of groups that moved by more than 2 σ", ["Group", "First (ms)", "Second (ms)"], moved, &|name| html! { (shown(name)) }))
         }
     }
 }
