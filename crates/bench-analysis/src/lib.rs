@@ -40,8 +40,8 @@ pub use crate::bench::{Bench, BenchInput, BenchRefusal, bench};
 #[cfg(feature = "schema")]
 pub use crate::card::card_schema;
 pub use crate::card::{
-    CardError, CardTerms, Combined, MagneticEvidence, card_magnetometer, card_text, combine, identity_conflict,
-    parse_card, sensor_name,
+    CardTerms, Combined, MagneticEvidence, card_magnetometer, card_text, combine, identity_conflict, parse_card,
+    sensor_name,
 };
 pub use crate::encoder::{EncoderError, EncoderSeries, encoder_channel};
 pub use crate::flexibility::{GainAt, bending_response, first_mode_of_gain, flexibility};
@@ -56,10 +56,10 @@ pub use crate::motion::Motion;
 pub use crate::mount::mount_finding;
 pub use crate::references::{ChannelReference, ComponentReference, References};
 pub use crate::rig::{
-    AnalysisRule, Bar, ClockRule, DEFAULT_RIG, EncoderRule, FieldRule, Mount, MountKind, Rig, RigError, Site,
-    StampChoice,
+    AnalysisRule, Bar, ClockRule, DEFAULT_RIG, EncoderRule, FieldRule, Mount, MountKind, Rig, Site, StampChoice,
 };
 #[cfg(feature = "schema")]
 pub use crate::rig_file::rig_schema;
 pub use crate::slip::Slip;
 pub use crate::surroundings::{Surroundings, place_of};
+pub use settings::SettingsError;

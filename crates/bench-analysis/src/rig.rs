@@ -11,24 +11,12 @@ use record::{RigUse, SensorIdentity};
 #[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use settings::{Refused, SettingsFile};
-use std::path::{Path, PathBuf};
+use settings::{Refused, SettingsError, SettingsFile, plain_zero};
+use std::path::Path;
 use toml::Spanned;
 
 /// The default rig: `pipelines/bench.rig.toml`, compiled in.
 pub const DEFAULT_RIG: &str = pipelines::DEFAULT_RIG;
-
-/// An error in a rig file, with its location.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{}{}: {what}", file.display(), line.map(|l| format!(":{l}")).unwrap_or_default())]
-pub struct RigError {
-    /// The file.
-    pub file: PathBuf,
-    /// Line, from 1, if known.
-    pub line: Option<usize>,
-    /// What is wrong, and what is expected.
-    pub what: String,
-}
 
 /// Position of the sensor on the bar at bar angle zero.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -213,17 +201,15 @@ impl Rig {
     ///
     /// # Errors
     /// The file cannot be read, is not valid TOML, has an unknown key, or a value is invalid; with file and line.
-    pub fn read(path: &Path) -> Result<Rig, RigError> {
-        let unreadable = |e: std::io::Error| fault(path, None, format!("cannot be read: {e}"));
-        let text = std::fs::read_to_string(path).map_err(unreadable)?;
-        Rig::parse(&text, path)
+    pub fn read(path: &Path) -> Result<Rig, SettingsError> {
+        Rig::parse(&settings::read_text(path)?, path)
     }
 
     /// The default rig.
     ///
     /// # Errors
     /// Never in a tested build: the text is compiled in, and a test reads it.
-    pub fn shipped_default() -> Result<Rig, RigError> {
+    pub fn shipped_default() -> Result<Rig, SettingsError> {
         Rig::parse(DEFAULT_RIG, Path::new("bench.rig.toml"))
     }
 
@@ -231,10 +217,10 @@ impl Rig {
     ///
     /// # Errors
     /// As [`Rig::read`].
-    pub fn parse(text: &str, path: &Path) -> Result<Rig, RigError> {
+    pub fn parse(text: &str, path: &Path) -> Result<Rig, SettingsError> {
         let file = SettingsFile::new(text, path);
         let resolved = file.read().and_then(|written| Checker { file: &file }.resolve(written));
-        file.finish(resolved).map_err(|e| fault(path, e.line, e.what))
+        file.finish(resolved)
     }
 
     /// Position of the part of the sensor that provides `channel`: from the first `mount` entry that names the channel;
@@ -384,9 +370,7 @@ struct Checker<'a> {
 
 impl Checker<'_> {
     fn resolve(&self, written: RigFile) -> Result<Rig, Refused> {
-        if *written.schema.get_ref() != 1 {
-            return Err(self.fault(&written.schema, "schema must be 1, the only version that this flightlag knows"));
-        }
+        self.file.known_layout(&written.schema)?;
         let model = match written.sensor.get_ref().model.trim() {
             "" => Err(self.fault(&written.sensor, "sensor.model must name the sensor, such as `Xsens MTi-G`")),
             _ => Ok(()),
@@ -429,9 +413,9 @@ impl Checker<'_> {
     }
 
     fn bar(&self, written: &BarTable) -> Result<ResolvedBar, Refused> {
-        let length_m = self.within(&written.length_m, "bar.length_m", 0.05, 50.0);
-        let azimuth_deg = self.optional(&written.azimuth_deg, "bar.azimuth_deg", -360.0, 360.0);
-        let first_mode_hz = self.optional(&written.first_mode_hz, "bar.first_mode_hz", 0.1, 1000.0);
+        let length_m = self.file.within(&written.length_m, "bar.length_m", 0.05, 50.0);
+        let azimuth_deg = self.file.optional(&written.azimuth_deg, "bar.azimuth_deg", -360.0, 360.0);
+        let first_mode_hz = self.file.optional(&written.first_mode_hz, "bar.first_mode_hz", 0.1, 1000.0);
         Ok(ResolvedBar {
             length_m: length_m?,
             mount: *written.mount.get_ref(),
@@ -447,7 +431,7 @@ impl Checker<'_> {
         let decoding =
             written.decoding.map(|d| self.one_of(&d, "encoder.decoding", [1, 2, 4].contains(d.get_ref()), "1, 2 or 4"));
         let sign = written.sign.map(|s| self.one_of(&s, "encoder.sign", matches!(s.get_ref(), -1 | 1), "1 or -1"));
-        let zero_deg = self.optional(&written.zero_deg, "encoder.zero_deg", -360.0, 360.0);
+        let zero_deg = self.file.optional(&written.zero_deg, "encoder.zero_deg", -360.0, 360.0);
         Ok(ResolvedEncoder {
             channel: written.channel,
             counts_per_rev: counts_per_rev.transpose()?,
@@ -464,11 +448,11 @@ impl Checker<'_> {
                 Err(self.fault(date, format!("site.date = {:?}: must be a day such as 2010-10-25", date.get_ref())))
             }
         };
-        let latitude_deg = self.optional(&written.latitude_deg, "site.latitude_deg", -90.0, 90.0);
-        let longitude_deg = self.optional(&written.longitude_deg, "site.longitude_deg", -180.0, 360.0);
-        let height_m = self.optional(&written.height_m, "site.height_m", -1000.0, 10_000.0);
+        let latitude_deg = self.file.optional(&written.latitude_deg, "site.latitude_deg", -90.0, 90.0);
+        let longitude_deg = self.file.optional(&written.longitude_deg, "site.longitude_deg", -180.0, 360.0);
+        let height_m = self.file.optional(&written.height_m, "site.height_m", -1000.0, 10_000.0);
         let date = written.date.as_ref().map(day).transpose();
-        let gravity_mps2 = self.optional(&written.gravity_mps2, "site.gravity_mps2", 9.7, 9.9);
+        let gravity_mps2 = self.file.optional(&written.gravity_mps2, "site.gravity_mps2", 9.7, 9.9);
         let field = written.field.as_ref().map(|f| self.field(f)).transpose();
         Ok(ResolvedSite {
             latitude_deg: latitude_deg?,
@@ -520,8 +504,8 @@ impl Checker<'_> {
     fn analysis(&self, written: &AnalysisTable) -> Result<ResolvedAnalysis, Refused> {
         let search_s = self.search_s(written.search_s.as_ref());
         let inject_ms = self.inject_ms(written.inject_ms.as_ref());
-        let margin_ms = self.optional(&written.margin_ms, "analysis.margin_ms", 0.01, 1000.0);
-        let inject_gain = self.optional(&written.inject_gain, "analysis.inject_gain", 0.5, 2.0);
+        let margin_ms = self.file.optional(&written.margin_ms, "analysis.margin_ms", 0.01, 1000.0);
+        let inject_gain = self.file.optional(&written.inject_gain, "analysis.inject_gain", 0.5, 2.0);
         Ok(ResolvedAnalysis {
             search_s: search_s?,
             margin_ms: margin_ms?,
@@ -597,14 +581,6 @@ impl Checker<'_> {
             return Err(self.fault(written, what));
         }
         Ok(written.get_ref().clone())
-    }
-
-    fn optional(&self, value: &Option<Spanned<f64>>, key: &str, low: f64, high: f64) -> Result<Option<f64>, Refused> {
-        value.as_ref().map(|v| self.within(v, key, low, high)).transpose()
-    }
-
-    fn within(&self, value: &Spanned<f64>, key: &str, low: f64, high: f64) -> Result<f64, Refused> {
-        settings::within(key, *value.get_ref(), low, high).map_err(|what| self.fault(value, what))
     }
 
     fn one_of<T: Copy + std::fmt::Display>(
@@ -685,13 +661,4 @@ fn axis(name: &str) -> Option<(usize, f64)> {
     let (sign, letter) = name.strip_prefix('-').map_or((1.0, name), |rest| (-1.0, rest));
     let index = ["x", "y", "z"].iter().position(|a| *a == letter)?;
     Some((index, sign))
-}
-
-fn fault(path: &Path, line: Option<usize>, what: impl Into<String>) -> RigError {
-    RigError { file: path.to_owned(), line, what: what.into() }
-}
-
-/// Minus zero is zero, and must not change the name of a result.
-fn plain_zero(v: f64) -> f64 {
-    if v == 0.0 { 0.0 } else { v }
 }

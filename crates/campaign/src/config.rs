@@ -8,7 +8,6 @@ use crate::cards::{CardFile, Pin, Shelf, UsedCard, chosen};
 use crate::criteria::Criteria;
 use crate::delay::{Case, Decided, DelayRule, FixedDelay, Known, measured_pair};
 use crate::error::CampaignError;
-use crate::error::PipelineError;
 use crate::lever::Antenna;
 use crate::reference_rule::ReferenceRule;
 use compensation_replay::{
@@ -23,7 +22,7 @@ use record::{
 #[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize, Serializer};
-use settings::{Refused, SettingsFile};
+use settings::{Refused, SettingsError, SettingsFile, plain_zero};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use toml::Spanned;
@@ -428,17 +427,15 @@ impl Pipeline {
     ///
     /// # Errors
     /// The file cannot be read, is not TOML, has an unknown key, or a value makes no sense; with file and line.
-    pub fn read(path: &Path) -> Result<Pipeline, PipelineError> {
-        let unreadable = |e: std::io::Error| fault(path, None, format!("cannot be read: {e}"));
-        let text = std::fs::read_to_string(path).map_err(unreadable)?;
-        Pipeline::parse(&text, path)
+    pub fn read(path: &Path) -> Result<Pipeline, SettingsError> {
+        Pipeline::parse(&settings::read_text(path)?, path)
     }
 
     /// The default pipeline.
     ///
     /// # Errors
     /// Never in a tested build: the text is compiled in, and a test reads it.
-    pub fn shipped_default() -> Result<Pipeline, PipelineError> {
+    pub fn shipped_default() -> Result<Pipeline, SettingsError> {
         Pipeline::parse(DEFAULT_PIPELINE, Path::new("default.toml"))
     }
 
@@ -446,19 +443,19 @@ impl Pipeline {
     ///
     /// # Errors
     /// As [`Pipeline::read`].
-    pub fn parse(text: &str, path: &Path) -> Result<Pipeline, PipelineError> {
+    pub fn parse(text: &str, path: &Path) -> Result<Pipeline, SettingsError> {
         Pipeline::parse_with(text, path, Shelf::Disk)
     }
 
     /// A pipeline from a manifest, which also holds its cards: no files are read.
-    pub(crate) fn of_manifest(text: &str, cards: &[CardFile]) -> Result<Pipeline, PipelineError> {
+    pub(crate) fn of_manifest(text: &str, cards: &[CardFile]) -> Result<Pipeline, SettingsError> {
         Pipeline::parse_with(text, Path::new("manifest"), Shelf::Manifest(cards))
     }
 
-    fn parse_with(text: &str, path: &Path, shelf: Shelf<'_>) -> Result<Pipeline, PipelineError> {
+    fn parse_with(text: &str, path: &Path, shelf: Shelf<'_>) -> Result<Pipeline, SettingsError> {
         let file = SettingsFile::new(text, path);
         let resolved = file.read().and_then(|written| Checker { file: &file, path, shelf }.resolve(written));
-        file.finish(resolved).map_err(|e| fault(path, e.line, e.what))
+        file.finish(resolved)
     }
 
     /// The same pipeline with another map forced on every flight.
@@ -762,7 +759,7 @@ struct Checker<'a> {
 
 impl Checker<'_> {
     fn resolve(&self, written: Written) -> Result<Pipeline, Refused> {
-        self.known_layout(&written.schema)?;
+        self.file.known_layout(&written.schema)?;
         let sensor = written.sensor.map(|s| self.sensor(s)).transpose();
         let written_delay = written.delay.unwrap_or_else(|| Spanned::new(0..0, WrittenDelay::default()));
         let delay = sensor.as_ref().map_err(|r| *r).and_then(|s| self.delay(&written_delay, s.as_ref()));
@@ -798,13 +795,6 @@ impl Checker<'_> {
         let maps_folder = written.maps.folder.map(|f| self.next_to_file(&f));
         let file_name = self.file_name();
         Ok(Pipeline { resolved, delay: rule, maps_folder, criteria: criteria?, file_name, channel_lines })
-    }
-
-    fn known_layout(&self, schema: &Spanned<u32>) -> Result<(), Refused> {
-        match schema.get_ref() {
-            1 => Ok(()),
-            _ => Err(self.fault(schema, "schema must be 1, the only version that this release supports")),
-        }
     }
 
     fn file_name(&self) -> String {
@@ -968,7 +958,7 @@ impl Checker<'_> {
             }
             Some(source) => Ok(source.get_ref().clone()),
         };
-        let within = |u| self.within(u, "delay.standard_uncertainty_s", 0.0, LONGEST_DELAY_S);
+        let within = |u| self.file.within(u, "delay.standard_uncertainty_s", 0.0, LONGEST_DELAY_S);
         let standard_uncertainty_s = standard_uncertainty_s.as_ref().map(within).transpose();
         Ok(FixedDelay { delay: delay?, standard_uncertainty_s: standard_uncertainty_s?, source: source? })
     }
@@ -1095,8 +1085,9 @@ impl Checker<'_> {
 
     fn measure(&self, written: &WrittenMeasure) -> Result<ResolvedMeasure, Refused> {
         let search_s = self.search_s(written.search_s.as_ref());
-        let ahead_m = self.optional(&written.antenna_ahead_m, "measure.antenna_ahead_m", -100.0, 100.0);
-        let uncertainty_m = self.optional(&written.antenna_uncertainty_m, "measure.antenna_uncertainty_m", 0.0, 100.0);
+        let ahead_m = self.file.optional(&written.antenna_ahead_m, "measure.antenna_ahead_m", -100.0, 100.0);
+        let uncertainty_m =
+            self.file.optional(&written.antenna_uncertainty_m, "measure.antenna_uncertainty_m", 0.0, 100.0);
         Ok(ResolvedMeasure { search_s: search_s?, antenna_ahead_m: ahead_m?, antenna_uncertainty_m: uncertainty_m? })
     }
 
@@ -1116,11 +1107,11 @@ impl Checker<'_> {
     }
 
     fn replay(&self, written: &WrittenReplay) -> Result<ResolvedReplay, Refused> {
-        let bridge_s = self.optional(&written.bridge_s, "replay.bridge_s", 0.0, 600.0);
-        let min_speed_mps = self.optional(&written.min_speed_mps, "replay.min_speed_mps", 0.0, 1000.0);
-        let zoom_s = self.optional(&written.zoom_s, "replay.zoom_s", 1.0, 3600.0);
-        let output_rate_hz = self.optional(&written.output_rate_hz, "replay.output_rate_hz", 1.0, 10_000.0);
-        let most_samples = self.optional(&written.most_samples, "replay.most_samples", 1000.0, 1e9);
+        let bridge_s = self.file.optional(&written.bridge_s, "replay.bridge_s", 0.0, 600.0);
+        let min_speed_mps = self.file.optional(&written.min_speed_mps, "replay.min_speed_mps", 0.0, 1000.0);
+        let zoom_s = self.file.optional(&written.zoom_s, "replay.zoom_s", 1.0, 3600.0);
+        let output_rate_hz = self.file.optional(&written.output_rate_hz, "replay.output_rate_hz", 1.0, 10_000.0);
+        let most_samples = self.file.optional(&written.most_samples, "replay.most_samples", 1000.0, 1e9);
         let compensators = self.compensators(written.compensators.as_deref().unwrap_or_default());
         Ok(ResolvedReplay {
             start: written.start.unwrap_or(StartRule::Warm),
@@ -1131,10 +1122,6 @@ impl Checker<'_> {
             most_samples: most_samples?.map_or(Settings::MOST_SAMPLES, |most| most as usize),
             compensators: compensators?,
         })
-    }
-
-    fn optional(&self, value: &Option<Spanned<f64>>, key: &str, low: f64, high: f64) -> Result<Option<f64>, Refused> {
-        value.as_ref().map(|v| self.within(v, key, low, high)).transpose()
     }
 
     /// The additional compensators. An unknown or repeated name is rejected with its line.
@@ -1155,22 +1142,9 @@ impl Checker<'_> {
         Ok(all)
     }
 
-    fn within(&self, value: &Spanned<f64>, key: &str, low: f64, high: f64) -> Result<f64, Refused> {
-        settings::within(key, *value.get_ref(), low, high).map_err(|what| self.fault(value, what))
-    }
-
     fn fault<T>(&self, at: &Spanned<T>, what: impl Into<String>) -> Refused {
         self.file.reject(at, what)
     }
-}
-
-fn fault(path: &Path, line: Option<usize>, what: impl Into<String>) -> PipelineError {
-    PipelineError { file: path.to_owned(), line, what: what.into() }
-}
-
-/// Turns minus zero into zero, which must not name another result.
-fn plain_zero(v: f64) -> f64 {
-    if v == 0.0 { 0.0 } else { v }
 }
 
 #[cfg(test)]
@@ -1178,7 +1152,7 @@ mod tests {
     use super::*;
     use crate::delay::tests::example_card;
 
-    fn parse(text: &str) -> Result<Pipeline, PipelineError> {
+    fn parse(text: &str) -> Result<Pipeline, SettingsError> {
         Pipeline::parse(text, Path::new("settings/p.toml"))
     }
 

@@ -16,7 +16,6 @@ mod unit;
 #[cfg(feature = "schema")]
 pub(crate) use file::criteria_schema;
 pub use metric::{METRICS, MetricEntry, Takes};
-pub use read::CriteriaError;
 pub use unit::Dimension;
 
 use applies::{AppliesTo, Applying};
@@ -27,6 +26,7 @@ use record::{
     FlightCriteria, FlightRecord, FlightRow, Limit, PassRate, RowVerdict, RowVerdicts, VerdictTally,
 };
 use serde::Serialize;
+use settings::SettingsError;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -92,7 +92,7 @@ impl Criteria {
     ///
     /// # Errors
     /// The file cannot be read, is not TOML, has an unknown key, or a value makes no sense; with file and line.
-    pub fn read(path: &Path) -> Result<Criteria, CriteriaError> {
+    pub fn read(path: &Path) -> Result<Criteria, SettingsError> {
         read::from_disk(path)
     }
 
@@ -100,7 +100,7 @@ impl Criteria {
     ///
     /// # Errors
     /// As [`Criteria::read`].
-    pub fn parse(text: &str, path: &Path) -> Result<Criteria, CriteriaError> {
+    pub fn parse(text: &str, path: &Path) -> Result<Criteria, SettingsError> {
         read::parse(text, path)
     }
 
@@ -119,7 +119,7 @@ impl Criteria {
     }
 
     /// Criteria from a manifest.
-    pub(crate) fn of_use(used: &CriteriaUse) -> Result<Criteria, CriteriaError> {
+    pub(crate) fn of_use(used: &CriteriaUse) -> Result<Criteria, SettingsError> {
         Criteria::parse(&used.toml, Path::new(&used.file))
     }
 

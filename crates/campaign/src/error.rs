@@ -1,6 +1,7 @@
 //! Errors that end a campaign. A corrupt flight does not: it is a row of the table.
 
 use crate::s3::is_in_bucket;
+use settings::SettingsError;
 use std::io::ErrorKind;
 use std::path::PathBuf;
 
@@ -19,30 +20,12 @@ pub struct StoreError {
     pub source: std::io::Error,
 }
 
-/// An error in a pipeline file, with its place.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{}{}: {what}", file.display(), line.map(|l| format!(":{l}")).unwrap_or_default())]
-pub struct PipelineError {
-    /// The file.
-    pub file: PathBuf,
-    /// Line, from 1, if known.
-    pub line: Option<usize>,
-    /// What is wrong, and what would be right.
-    pub what: String,
-}
-
 /// Why a campaign did not finish.
 #[derive(Debug, thiserror::Error)]
 pub enum CampaignError {
-    /// The pipeline file is wrong.
+    /// A pipeline, criteria or rig file is wrong.
     #[error(transparent)]
-    Pipeline(#[from] PipelineError),
-    /// The criteria file is wrong.
-    #[error(transparent)]
-    Criteria(#[from] crate::criteria::CriteriaError),
-    /// A rig file is wrong.
-    #[error(transparent)]
-    Rig(#[from] bench_analysis::RigError),
+    Settings(#[from] SettingsError),
     /// The command asks for something that cannot be done.
     #[error("{0}")]
     Asked(String),
@@ -123,10 +106,7 @@ impl CampaignError {
     #[must_use]
     pub fn exit(&self) -> Exit {
         match self {
-            CampaignError::Pipeline(_)
-            | CampaignError::Criteria(_)
-            | CampaignError::Rig(_)
-            | CampaignError::Asked(_) => Exit::Wrong,
+            CampaignError::Settings(_) | CampaignError::Asked(_) => Exit::Wrong,
             CampaignError::Ingest(ingest::IngestError::BadMap { .. }) => Exit::Wrong,
             CampaignError::Store(error) if crate::disk::may_heal(&error.source) => Exit::TryAgain,
             // An invalid bucket address, or a build without S3 support.

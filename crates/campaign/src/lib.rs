@@ -81,10 +81,10 @@ pub use bench::{BENCH_ANALYSIS_VERSION, BenchOrder, BenchRow, BenchVerdict, benc
 pub use changes::moved_groups;
 pub use compensation_replay::{ClockRule, error_words};
 pub use config::{DEFAULT_PIPELINE, DEMO_PIPELINE, Pipeline};
-pub use criteria::{Criteria, CriteriaError, DEMO_CRITERIA, Dimension, EXAMPLE_CRITERIA, METRICS, MetricEntry, Takes};
+pub use criteria::{Criteria, DEMO_CRITERIA, Dimension, EXAMPLE_CRITERIA, METRICS, MetricEntry, Takes};
 pub use delay_report::{DelayOrder, DelayReport, GroupLine, delay_report};
 pub use disk::may_heal;
-pub use error::{CampaignError, Exit, PipelineError, STILL_WRITTEN, StoreError};
+pub use error::{CampaignError, Exit, STILL_WRITTEN, StoreError};
 pub use event::{Event, EventSink};
 pub use fetch::{LogCache, keep_logs_in};
 pub use gc::{Garbage, gc};
@@ -100,6 +100,7 @@ pub use run_context::RunContext;
 pub use s3::is_in_bucket;
 #[cfg(feature = "schema")]
 pub use schemas::schemas;
+pub use settings::SettingsError;
 pub use status::{Status, Trouble, status};
 pub use task::{TaskReport, quiet_caught_panics, task};
 

@@ -106,9 +106,7 @@ impl NightlyConfig {
     /// # Errors
     /// Everything that is wrong with the file, with lines; or what is wrong with a file it refers to.
     pub fn read(path: &Path) -> Result<NightlyConfig, HistoryError> {
-        let fault = |line, what| HistoryError::Settings { file: path.to_owned(), line, what };
-        let text = std::fs::read_to_string(path).map_err(|e| fault(None, format!("cannot be read: {e}")))?;
-        NightlyConfig::parse(&text, path)
+        NightlyConfig::parse(&settings::read_text(path)?, path)
     }
 
     /// Reads a nightly file from `text`; `path` is for errors and relative paths.
@@ -119,9 +117,7 @@ impl NightlyConfig {
         let file = SettingsFile::new(text, path);
         let reader = Reader { file: &file, folder: path.parent().unwrap_or(Path::new("")) };
         let meant = file.read().and_then(|written| reader.meaning_of(written));
-        let wrong =
-            |e: settings::Complaint| HistoryError::Settings { file: path.to_owned(), line: e.line, what: e.what };
-        file.finish(meant).map_err(wrong)
+        Ok(file.finish(meant)?)
     }
 }
 
@@ -132,11 +128,7 @@ struct Reader<'a> {
 
 impl Reader<'_> {
     fn meaning_of(&self, written: NightlyFile) -> Result<NightlyConfig, Refused> {
-        if *written.schema.get_ref() != 1 {
-            return Err(self
-                .file
-                .reject(&written.schema, "schema must be 1, the only version that this flightlag knows"));
-        }
+        self.file.known_layout(&written.schema)?;
         let some = match written.campaign.is_empty() {
             true => Err(self.file.reject_whole("has no [[campaign]]: there is nothing to run")),
             false => Ok(()),

@@ -16,15 +16,8 @@ pub enum HistoryError {
         source: std::io::Error,
     },
     /// A settings file is wrong.
-    #[error("{}{}: {what}", file.display(), line.map(|l| format!(":{l}")).unwrap_or_default())]
-    Settings {
-        /// The file.
-        file: PathBuf,
-        /// Line, from 1, if known.
-        line: Option<usize>,
-        /// What is wrong, and what would be right.
-        what: String,
-    },
+    #[error(transparent)]
+    Settings(#[from] settings::SettingsError),
     /// A folder is not the report of a campaign, or one of its files is damaged.
     #[error("{}: {what}", path.display())]
     Report {
@@ -50,7 +43,7 @@ impl HistoryError {
     #[must_use]
     pub fn exit(&self) -> campaign::Exit {
         match self {
-            HistoryError::Settings { .. } | HistoryError::Asked(_) => campaign::Exit::Wrong,
+            HistoryError::Settings(_) | HistoryError::Asked(_) => campaign::Exit::Wrong,
             HistoryError::Campaign(error) => error.exit(),
             HistoryError::Io { source, .. } if campaign::may_heal(source) => campaign::Exit::TryAgain,
             HistoryError::Io { .. } | HistoryError::Report { .. } => campaign::Exit::Failed,

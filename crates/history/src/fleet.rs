@@ -78,12 +78,7 @@ impl Fleet {
     /// # Errors
     /// The file cannot be read or is invalid: every error with its line.
     pub fn read(path: &Path) -> Result<Fleet, HistoryError> {
-        let text = std::fs::read_to_string(path).map_err(|e| HistoryError::Settings {
-            file: path.to_owned(),
-            line: None,
-            what: format!("cannot be read: {e}"),
-        })?;
-        Fleet::parse(&text, path)
+        Fleet::parse(&settings::read_text(path)?, path)
     }
 
     /// Reads a fleet from a text; `path` is for errors.
@@ -93,9 +88,7 @@ impl Fleet {
     pub fn parse(text: &str, path: &Path) -> Result<Fleet, HistoryError> {
         let file = SettingsFile::new(text, path);
         let meant = file.read().and_then(|written| meaning_of(&file, written));
-        let wrong =
-            |e: settings::Complaint| HistoryError::Settings { file: path.to_owned(), line: e.line, what: e.what };
-        file.finish(meant).map_err(wrong)
+        Ok(file.finish(meant)?)
     }
 
     /// The entry for a flight: the first pattern that matches `CAMPAIGN/FLIGHT`.
@@ -107,9 +100,7 @@ impl Fleet {
 }
 
 fn meaning_of(file: &SettingsFile<'_>, written: FleetFile) -> Result<Fleet, Refused> {
-    if *written.schema.get_ref() != 1 {
-        return Err(file.reject(&written.schema, "schema must be 1, the only version that this flightlag knows"));
-    }
+    file.known_layout(&written.schema)?;
     if written.aircraft.is_empty() {
         return Err(file.reject_whole("has no [[aircraft]]: no flight can match"));
     }

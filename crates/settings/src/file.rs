@@ -1,11 +1,11 @@
 //! One settings file: its text, its values, and every complaint about it.
 
 use crate::nearest::likely;
-use crate::number::unit_of_key;
+use crate::number::{unit_of_key, within};
 use serde::de::DeserializeOwned;
 use std::cell::RefCell;
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue, Deserializer, Error};
 
@@ -17,13 +17,31 @@ const PLACEHOLDERS: &str =
     r#"v = [1, "", false, {}, [], [1, 1], [1, 1, 1], ["", "", ""], [[1, 1, 1], [1, 1, 1], [1, 1, 1]]]"#;
 
 /// What is wrong with a settings file, and where.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Complaint {
-    /// Line, from 1, of the first complaint.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{}{}: {what}", file.display(), line.map(|line| format!(":{line}")).unwrap_or_default())]
+pub struct SettingsError {
+    /// The file.
+    pub file: PathBuf,
+    /// Line, from 1, of the first complaint, if known.
     pub line: Option<usize>,
     /// What is wrong there and what would be right. Complaints about other lines follow, one per line, as
     /// `file:line: what`.
     pub what: String,
+}
+
+/// The text of a settings file.
+///
+/// # Errors
+/// It cannot be read.
+pub fn read_text(path: &Path) -> Result<String, SettingsError> {
+    let unreadable = |e| SettingsError { file: path.to_owned(), line: None, what: format!("cannot be read: {e}") };
+    std::fs::read_to_string(path).map_err(unreadable)
+}
+
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Complaint {
+    line: Option<usize>,
+    what: String,
 }
 
 /// The [`SettingsFile`] already holds the complaint.
@@ -106,6 +124,39 @@ impl<'a> SettingsFile<'a> {
         Refused
     }
 
+    /// Rejects a layout other than 1.
+    ///
+    /// # Errors
+    /// It is another one.
+    pub fn known_layout(&self, schema: &Spanned<u32>) -> Result<(), Refused> {
+        match schema.get_ref() {
+            1 => Ok(()),
+            _ => Err(self.reject(schema, "schema must be 1, the only version that this flightlag knows")),
+        }
+    }
+
+    /// A number within its bounds; minus zero becomes zero.
+    ///
+    /// # Errors
+    /// It is not.
+    pub fn within(&self, value: &Spanned<f64>, key: &str, low: f64, high: f64) -> Result<f64, Refused> {
+        within(key, *value.get_ref(), low, high).map_err(|what| self.reject(value, what))
+    }
+
+    /// The same for a number that may be missing.
+    ///
+    /// # Errors
+    /// It is given, and not within its bounds.
+    pub fn optional(
+        &self,
+        value: &Option<Spanned<f64>>,
+        key: &str,
+        low: f64,
+        high: f64,
+    ) -> Result<Option<f64>, Refused> {
+        value.as_ref().map(|value| self.within(value, key, low, high)).transpose()
+    }
+
     /// Whether anything was rejected so far.
     #[must_use]
     pub fn has_complaints(&self) -> bool {
@@ -121,7 +172,7 @@ impl<'a> SettingsFile<'a> {
     ///
     /// # Errors
     /// All complaints, by line.
-    pub fn finish<T>(&self, value: Result<T, Refused>) -> Result<T, Complaint> {
+    pub fn finish<T>(&self, value: Result<T, Refused>) -> Result<T, SettingsError> {
         let mut found = self.complaints.borrow().clone();
         found.sort_by_key(|complaint| complaint.line.unwrap_or(usize::MAX));
         found.dedup();
@@ -139,7 +190,7 @@ impl<'a> SettingsFile<'a> {
                 if more > 0 {
                     what += &format!("\n{file}: {more} more errors are not listed");
                 }
-                Err(Complaint { line, what })
+                Err(SettingsError { file: self.file.to_owned(), line, what })
             }
         }
     }
@@ -383,7 +434,7 @@ mod tests {
     }
 
     /// Reads and checks a file as the callers do: every length must be above zero.
-    fn read(text: &str) -> Result<Whole, Complaint> {
+    fn read(text: &str) -> Result<Whole, SettingsError> {
         let file = SettingsFile::new(text, Path::new("p.toml"));
         file.finish(file.read::<Whole>().inspect(|whole| {
             for part in whole.part.iter().filter(|part| *part.length_m.get_ref() <= 0.0) {
@@ -392,7 +443,7 @@ mod tests {
         }))
     }
 
-    fn refused(text: &str) -> Complaint {
+    fn refused(text: &str) -> SettingsError {
         read(text).unwrap_err()
     }
 

@@ -12,15 +12,15 @@
 //! }
 //! let text = "# late\npositon_s = 0.4\n";
 //! let file = settings::SettingsFile::new(text, std::path::Path::new("late.toml"));
-//! let complaint = file.finish(file.read::<Delay>()).unwrap_err();
-//! assert_eq!(complaint.line, Some(2));
-//! assert_eq!(complaint.what, "unknown key `positon_s`: did you mean `position_s`?");
+//! let error = file.finish(file.read::<Delay>()).unwrap_err();
+//! assert_eq!(error.line, Some(2));
+//! assert_eq!(error.what, "unknown key `positon_s`: did you mean `position_s`?");
 //! ```
 
 mod file;
 mod nearest;
 mod number;
 
-pub use file::{Complaint, Refused, SettingsFile};
+pub use file::{Refused, SettingsError, SettingsFile, read_text};
 pub use nearest::{likely, nearest, nearest_few};
-pub use number::{seconds, within};
+pub use number::{plain_zero, seconds, within};

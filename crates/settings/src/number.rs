@@ -16,6 +16,12 @@ pub(crate) fn unit_of_key(key: &str) -> &'static str {
     }
 }
 
+/// Minus zero is zero, and must not change the name of a result.
+#[must_use]
+pub fn plain_zero(value: f64) -> f64 {
+    if value == 0.0 { 0.0 } else { value }
+}
+
 /// A number within its bounds; minus zero becomes zero.
 ///
 /// # Errors

@@ -1,7 +1,7 @@
 //! Combines several records of one sensor into one card.
 
 use super::identity::identity_conflict;
-use super::{CardError, sensor_name};
+use super::sensor_name;
 use crate::verdict::Evidence;
 use flight::{Code, Notices, Quantity, StampKind, fixed};
 use jiff::ToSpan;
@@ -10,6 +10,7 @@ use record::{
     BenchOutcome, BenchRecord, CARD_VERSION, CardChannel, CardSource, ChannelDynamics, DelayFinding, ENCODER_SLIP,
     Estimate, GateCheck, SensorCard, SensorIdentity, TimeBasis, Verdict,
 };
+use settings::SettingsError;
 use signal::{Mean, Reading, mean_of, outliers};
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -55,9 +56,9 @@ pub struct Combined {
 /// used as it is.
 ///
 /// # Errors
-/// [`CardError`] naming the record: there are no records, they are of different sensors or of different analyses, or
+/// [`SettingsError`] naming the record: there are no records, they are of different sensors or of different analyses, or
 /// nothing was measured.
-pub fn combine(records: &[(String, BenchRecord)], terms: &CardTerms<'_>) -> Result<Combined, CardError> {
+pub fn combine(records: &[(String, BenchRecord)], terms: &CardTerms<'_>) -> Result<Combined, SettingsError> {
     let (first_name, first) = records.first().ok_or_else(|| error("", "a card needs at least one record"))?;
     let sensor = one_sensor(records)?;
     let analysis_version = one_analysis((first_name, first), records)?;
@@ -122,7 +123,7 @@ fn method(records: usize, notices: &Notices) -> String {
 fn one_analysis(
     (first_name, first): (&str, &BenchRecord),
     records: &[(String, BenchRecord)],
-) -> Result<u32, CardError> {
+) -> Result<u32, SettingsError> {
     let was = first.analysis_version;
     match records.iter().find(|(_, r)| r.analysis_version != was) {
         Some((name, BenchRecord { analysis_version: is, .. })) => {
@@ -132,12 +133,12 @@ fn one_analysis(
     }
 }
 
-fn error(file: &str, what: impl Into<String>) -> CardError {
-    CardError { file: PathBuf::from(file), line: None, what: what.into() }
+fn error(file: &str, what: impl Into<String>) -> SettingsError {
+    SettingsError { file: PathBuf::from(file), line: None, what: what.into() }
 }
 
 /// The identity common to all records, with every part stated by at least one of them.
-fn one_sensor(records: &[(String, BenchRecord)]) -> Result<SensorIdentity, CardError> {
+fn one_sensor(records: &[(String, BenchRecord)]) -> Result<SensorIdentity, SettingsError> {
     let mut whole = SensorIdentity::default();
     for (i, (name, record)) in records.iter().enumerate() {
         let own = &record.sensor;

@@ -1,11 +1,10 @@
 //! The card as a TOML file: sensor, validity, channels, records, then the magnetometer.
 
-use super::CardError;
 use flight::Quantity;
 use jiff::civil::Date;
 use record::{CARD_VERSION, CardChannel, CardMagnetometer, CardSource, Finding, SensorCard, Verdict};
 use serde::Serialize;
-use settings::{Complaint, Refused, SettingsFile};
+use settings::{Refused, SettingsError, SettingsFile};
 use std::collections::BTreeSet;
 use std::fmt::Write;
 use std::path::Path;
@@ -134,13 +133,12 @@ fn entries(text: &mut String, name: &str, comment: &str, entries: &[impl Seriali
 /// Reads a card from `text`; `path` is used in errors.
 ///
 /// # Errors
-/// [`CardError`] with the line: invalid TOML, another layout, an unknown key, a number that is not finite, a negative
+/// [`SettingsError`] with the line: invalid TOML, another layout, an unknown key, a number that is not finite, a negative
 /// uncertainty, a delay that must be in milliseconds, an invalid day, a validity that ends before it starts, or a
 /// duplicate channel.
-pub fn parse_card(text: &str, path: &Path) -> Result<SensorCard, CardError> {
+pub fn parse_card(text: &str, path: &Path) -> Result<SensorCard, SettingsError> {
     let file = SettingsFile::new(text, path);
-    let wrong = |Complaint { line, what }| CardError { file: path.to_owned(), line, what };
-    file.finish(Checker { file: &file }.card()).map_err(wrong)
+    file.finish(Checker { file: &file }.card())
 }
 
 /// The JSON schema of a sensor card, as text.
@@ -319,7 +317,7 @@ mod tests {
     use super::*;
     use crate::card::example;
 
-    fn refused(text: &str) -> CardError {
+    fn refused(text: &str) -> SettingsError {
         parse_card(text, Path::new("cards/mtig.card.toml")).unwrap_err()
     }
 

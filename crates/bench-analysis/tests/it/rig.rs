@@ -1,9 +1,9 @@
 //! The rig file: resolved values, and errors with their line.
 
-use bench_analysis::{FieldRule, MountKind, Rig, RigError, StampChoice};
+use bench_analysis::{FieldRule, MountKind, Rig, SettingsError, StampChoice};
 use std::path::Path;
 
-fn parse(text: &str) -> Result<Rig, RigError> {
+fn parse(text: &str) -> Result<Rig, SettingsError> {
     Rig::parse(text, Path::new("bench/r.rig.toml"))
 }
 

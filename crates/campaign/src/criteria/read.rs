@@ -7,39 +7,22 @@ use super::unit::{Dimension, Quantity, read};
 use super::{Criteria, Criterion, ResolvedCriterion};
 use compensation_replay::CompensatorKind;
 use record::{DecisionRule, Limit};
-use settings::{Refused, SettingsFile};
+use settings::{Refused, SettingsError, SettingsFile};
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use toml::Spanned;
-
-/// An error in a criteria file, with its place.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{}{}: {what}", file.display(), line.map(|l| format!(":{l}")).unwrap_or_default())]
-pub struct CriteriaError {
-    /// The file.
-    pub file: PathBuf,
-    /// Line, from 1, if known.
-    pub line: Option<usize>,
-    /// What is wrong, and what would be right.
-    pub what: String,
-}
 
 /// Record names of the compensators that always run, in addition to those that a pipeline can request.
 const ALWAYS: [&str; 4] = ["raw", "pade-1-1", "pade-1-1-as-seen", "exact-async"];
 
-pub(super) fn from_disk(path: &Path) -> Result<Criteria, CriteriaError> {
-    let unreadable = |e: std::io::Error| fault(path, None, format!("cannot be read: {e}"));
-    parse(&std::fs::read_to_string(path).map_err(unreadable)?, path)
+pub(super) fn from_disk(path: &Path) -> Result<Criteria, SettingsError> {
+    parse(&settings::read_text(path)?, path)
 }
 
-pub(super) fn parse(text: &str, path: &Path) -> Result<Criteria, CriteriaError> {
+pub(super) fn parse(text: &str, path: &Path) -> Result<Criteria, SettingsError> {
     let file = SettingsFile::new(text, path);
     let resolved = file.read().and_then(|written| Checker { file: &file, path }.resolve(written));
-    file.finish(resolved).map_err(|e| fault(path, e.line, e.what))
-}
-
-fn fault(path: &Path, line: Option<usize>, what: impl Into<String>) -> CriteriaError {
-    CriteriaError { file: path.to_owned(), line, what: what.into() }
+    file.finish(resolved)
 }
 
 /// Checks criteria. Holds the file, so that every complaint has its line.
@@ -50,9 +33,7 @@ struct Checker<'a> {
 
 impl Checker<'_> {
     fn resolve(&self, written: CriteriaFile) -> Result<Criteria, Refused> {
-        if *written.schema.get_ref() != 1 {
-            return Err(self.fault(&written.schema, "schema must be 1, the only version that this release supports"));
-        }
+        self.file.known_layout(&written.schema)?;
         if written.criterion.is_empty() {
             return Err(self.file.reject_whole("no [[criterion]] found: add at least one"));
         }

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-fn parse(text: &str) -> Result<Criteria, super::CriteriaError> {
+fn parse(text: &str) -> Result<Criteria, super::SettingsError> {
     Criteria::parse(text, Path::new("settings/c.toml"))
 }
 
