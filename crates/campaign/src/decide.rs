@@ -6,11 +6,11 @@
 use crate::config::Pipeline;
 use crate::delay::in_ms;
 use crate::manifest::Planned;
-use delay_network::{AskedSource, FlightSources, NetworkSettings, PositionLateness, RelativeLateness};
+use delay_network::{FlightSources, NetworkSettings, PositionLateness, RelativeLateness};
 use flight::Code;
 use record::{
     Decision, DelayAdvice, DelayPool, DelaySource, Estimate, Finding, FlightContent, FlightLateness, FlightRow,
-    GroupLateness, NetworkDatum, PoolMean, PoolMember, RemovedDelay, RemovedFrom,
+    GroupLateness, NetworkDatum, PoolMean, PoolMember, RemovedDelay,
 };
 use std::collections::BTreeMap;
 
@@ -66,15 +66,8 @@ fn duplicates<'a>(measured: &[(&'a str, &FlightLateness)]) -> BTreeMap<&'a str, 
 }
 
 fn decide_group<'a>(members: &[(&'a str, &'a FlightLateness)], pipeline: &Pipeline, out: &mut Decided<'a>) {
-    let asked = match pipeline.asked() {
-        DelaySource::Fixed => AskedSource::Fixed,
-        DelaySource::Card => AskedSource::Card,
-        DelaySource::Flight => AskedSource::Pair,
-        DelaySource::Sweep => AskedSource::Sweep,
-        DelaySource::Network | DelaySource::OthersFlights | DelaySource::OwnNetwork => AskedSource::Network,
-    };
     let sources: Vec<FlightSources> = members.iter().map(|(flight, l)| sources_of(flight, l, pipeline)).collect();
-    let decision = delay_network::decide(&sources, asked, NetworkSettings::default().datum_uncertainty_s);
+    let decision = delay_network::decide(&sources, pipeline.asked(), NetworkSettings::default().datum_uncertainty_s);
     for ((flight, lateness), removed) in members.iter().zip(&decision.removed) {
         out.decisions.insert(flight, decision_of(pipeline.asked(), removed, lateness));
     }
@@ -106,19 +99,11 @@ fn sources_of(flight: &str, lateness: &FlightLateness, pipeline: &Pipeline) -> F
 
 /// The decision in a form that one more flight does not change.
 fn decision_of(asked: DelaySource, removed: &RemovedDelay, lateness: &FlightLateness) -> Decision {
-    let used = match removed.source {
-        RemovedFrom::OthersFlights => Some(DelaySource::OthersFlights),
-        RemovedFrom::OwnNetwork => Some(DelaySource::OwnNetwork),
-        RemovedFrom::Card => Some(DelaySource::Card),
-        RemovedFrom::Stated => Some(DelaySource::Fixed),
-        RemovedFrom::Pair => Some(DelaySource::Flight),
-        RemovedFrom::None => None,
-    };
-    let from_others = removed.source == RemovedFrom::OthersFlights;
+    let from_others = removed.source == Some(DelaySource::OthersFlights);
     let mut decision = Decision {
         asked,
         row: removed.row,
-        used,
+        used: removed.source,
         delay_s: removed.value_s,
         standard_uncertainty_s: match removed.standard_uncertainty_s {
             Some(u) if from_others => Some(rounded_up(u)),
@@ -417,7 +402,7 @@ mod tests {
             value_s: Some(0.504),
             standard_uncertainty_s: Some(0.127),
             row: 7,
-            source: RemovedFrom::Card,
+            source: Some(DelaySource::Card),
             circular: false,
             words: String::new(),
             pooled_flights: 0,

@@ -21,7 +21,7 @@ mod settings;
 mod solve;
 mod words;
 
-pub use crate::decide::{AskedSource, FlightSources, GroupDecision, PositionLateness, RelativeLateness, decide};
+pub use crate::decide::{FlightSources, GroupDecision, PositionLateness, RelativeLateness, decide};
 pub use crate::lineage::{Lineage, lineage_from_name};
 pub use crate::observation::PairObservation;
 pub use crate::pool::{FlightLateness, pool};

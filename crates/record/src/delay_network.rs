@@ -3,6 +3,7 @@
 //! Implements the data of the delay-network specification (`science/delay-network.md`); the docs name its sections.
 
 use crate::replay::Estimate;
+use crate::sweep::DelaySource;
 #[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -338,25 +339,6 @@ pub struct GroupSplit {
     pub words: String,
 }
 
-/// Source of the delay that is removed (section 6).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(JsonSchema))]
-#[serde(rename_all = "kebab-case")]
-pub enum RemovedFrom {
-    /// Mean of the other flights of the group.
-    OthersFlights,
-    /// The flight's own delay network.
-    OwnNetwork,
-    /// The sensor card.
-    Card,
-    /// The value stated in the pipeline.
-    Stated,
-    /// Position less velocity of this flight.
-    Pair,
-    /// Nothing is removed.
-    None,
-}
-
 /// Delay that is removed from the position of one flight, and why (table of section 6).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
@@ -369,8 +351,8 @@ pub struct RemovedDelay {
     pub standard_uncertainty_s: Option<f64>,
     /// Row of the decision table, 1 to 10; 0 where the user fixed the source and no row applies.
     pub row: u8,
-    /// Source of the value.
-    pub source: RemovedFrom,
+    /// Source of the value; `None` if nothing is removed.
+    pub source: Option<DelaySource>,
     /// Whether the value comes from this flight itself, in which case a small residual proves nothing.
     pub circular: bool,
     /// What was done and why, in plain English.

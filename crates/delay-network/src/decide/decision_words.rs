@@ -5,7 +5,7 @@ use super::group::{Evidence, why_not_own};
 use super::table::Choice;
 use crate::FlightSources;
 use crate::words::ms;
-use record::{Estimate, RemovedFrom};
+use record::{DelaySource, Estimate};
 
 /// `201.5 ± 15.7 ms`, with twice the standard uncertainty.
 pub(crate) fn with_uncertainty(estimate: Estimate) -> String {
@@ -55,7 +55,7 @@ pub(crate) fn why(flight: &FlightSources) -> String {
 }
 
 /// Row 8, including its use of a card or a stated number.
-pub(crate) fn without_own_delay(flight: &FlightSources, evidence: &Evidence, source: RemovedFrom) -> String {
+pub(crate) fn without_own_delay(flight: &FlightSources, evidence: &Evidence, source: Option<DelaySource>) -> String {
     let known = match &flight.relative {
         Some(pair) => format!("The lateness of position and {} is unknown: {}", pair.velocity, why(flight)),
         None => format!("The lateness of the position is unknown: {}", why(flight)),
@@ -65,8 +65,8 @@ pub(crate) fn without_own_delay(flight: &FlightSources, evidence: &Evidence, sou
         false => "",
     };
     let done = match source {
-        RemovedFrom::Card => "The delay on the sensor card is removed.",
-        RemovedFrom::Stated => {
+        Some(DelaySource::Card) => "The delay on the sensor card is removed.",
+        Some(DelaySource::Fixed) => {
             "The number stated in the pipeline is removed. The delay network of this flight does not test it."
         }
         _ => "Nothing is removed.",

@@ -1,16 +1,16 @@
 //! The decision table, row by row.
 
 use super::group::Evidence;
-use super::{AskedSource, FlightSources, RelativeLateness, decision_words, grid};
+use super::{FlightSources, RelativeLateness, decision_words, grid};
 use crate::isolate::K95;
 use crate::solve::trusted;
-use record::{Estimate, NetworkDatum, RemovedDelay, RemovedFrom};
+use record::{DelaySource, Estimate, NetworkDatum, RemovedDelay};
 
 /// Choice made by a row of the table.
 #[derive(Debug, Clone)]
 pub(crate) struct Choice {
     pub(crate) row: u8,
-    pub(crate) source: RemovedFrom,
+    pub(crate) source: Option<DelaySource>,
     pub(crate) delay_s: Option<Estimate>,
     pub(crate) circular: bool,
     /// Other flights in the mean.
@@ -21,19 +21,19 @@ pub(crate) struct Choice {
 }
 
 impl Choice {
-    fn new(row: u8, source: RemovedFrom, delay_s: Option<Estimate>, words: String) -> Choice {
-        let circular = matches!(source, RemovedFrom::OwnNetwork | RemovedFrom::Pair);
-        let source = if delay_s.is_some() { source } else { RemovedFrom::None };
+    fn new(row: u8, source: Option<DelaySource>, delay_s: Option<Estimate>, words: String) -> Choice {
+        let circular = matches!(source, Some(DelaySource::OwnNetwork | DelaySource::Flight));
+        let source = if delay_s.is_some() { source } else { None };
         Choice { row, source, delay_s, circular, pooled: 0, words, contradicted: None, card_e_n: None }
     }
 
     fn nothing(row: u8, words: &str) -> Choice {
-        Choice::new(row, RemovedFrom::None, None, words.to_owned())
+        Choice::new(row, None, None, words.to_owned())
     }
 
     /// Number of flights that support the value.
     fn flights(&self) -> usize {
-        if self.source == RemovedFrom::OwnNetwork { 1 } else { self.pooled }
+        if self.source == Some(DelaySource::OwnNetwork) { 1 } else { self.pooled }
     }
 }
 
@@ -46,16 +46,16 @@ pub(crate) struct Table<'a> {
 
 impl Table<'_> {
     /// Delay removed for the requested source.
-    pub(crate) fn removed(&self, asked: AskedSource) -> RemovedDelay {
+    pub(crate) fn removed(&self, asked: DelaySource) -> RemovedDelay {
         let choice = match asked {
-            AskedSource::Network => self.network(),
-            AskedSource::Pair => self.pair(),
-            AskedSource::Card => self.card(),
-            AskedSource::Fixed => self.fixed(),
-            AskedSource::Sweep => self.sweep(),
+            DelaySource::Network | DelaySource::OthersFlights | DelaySource::OwnNetwork => self.network(),
+            DelaySource::Flight => self.pair(),
+            DelaySource::Card => self.card(),
+            DelaySource::Fixed => self.fixed(),
+            DelaySource::Sweep => self.sweep(),
         };
         let delay_s = choice.delay_s.map(|delay_s| match (choice.source, delay_s.standard_uncertainty) {
-            (RemovedFrom::OthersFlights | RemovedFrom::OwnNetwork | RemovedFrom::Pair, Some(u)) => {
+            (Some(DelaySource::OthersFlights | DelaySource::OwnNetwork | DelaySource::Flight), Some(u)) => {
                 Estimate { value: grid::on_grid(delay_s.value, u), standard_uncertainty: Some(grid::rounded_up(u)) }
             }
             _ => delay_s,
@@ -95,7 +95,7 @@ impl Table<'_> {
             (None, Some(own)) => (4, own),
             (None, None) => return None,
         };
-        let source = if row % 2 == 1 { RemovedFrom::OthersFlights } else { RemovedFrom::OwnNetwork };
+        let source = if row % 2 == 1 { Some(DelaySource::OthersFlights) } else { Some(DelaySource::OwnNetwork) };
         let mut choice = Choice::new(row, source, Some(delay_s), String::new());
         choice.pooled = self.evidence.others.map_or(0, |others| others.flights);
         choice.words = decision_words::by_flights(self.flight, &self.evidence, &choice);
@@ -110,14 +110,14 @@ impl Table<'_> {
         }
         let stated = self.flight.stated_s.filter(sound);
         let (source, delay_s) = match (card, stated) {
-            (Some(card), _) => (RemovedFrom::Card, Some(card)),
-            (None, Some(stated)) => (RemovedFrom::Stated, Some(stated)),
-            (None, None) => (RemovedFrom::None, None),
+            (Some(card), _) => (Some(DelaySource::Card), Some(card)),
+            (None, Some(stated)) => (Some(DelaySource::Fixed), Some(stated)),
+            (None, None) => (None, None),
         };
         let mut choice =
             Choice::new(8, source, delay_s, decision_words::without_own_delay(self.flight, &self.evidence, source));
         choice.contradicted = delay_s.and_then(|number| {
-            let what = if source == RemovedFrom::Card { "The card" } else { "The stated delay" };
+            let what = if source == Some(DelaySource::Card) { "The card" } else { "The stated delay" };
             self.contradiction(what, number)
         });
         choice
@@ -126,7 +126,7 @@ impl Table<'_> {
     /// Row 9.
     fn pair(&self) -> Choice {
         match self.relative() {
-            Some(pair) => Choice::new(9, RemovedFrom::Pair, Some(pair.delay_s), decision_words::pair(pair)),
+            Some(pair) => Choice::new(9, Some(DelaySource::Flight), Some(pair.delay_s), decision_words::pair(pair)),
             None => {
                 Choice::nothing(9, "Position against velocity was not measured in this flight. Nothing is removed.")
             }
@@ -170,7 +170,7 @@ impl Table<'_> {
                 "The number stated in the pipeline is removed. The delay network of this flight does not test it."
             }
         };
-        Choice { contradicted, ..Choice::new(0, RemovedFrom::Stated, Some(stated), text.to_owned()) }
+        Choice { contradicted, ..Choice::new(0, Some(DelaySource::Fixed), Some(stated), text.to_owned()) }
     }
 
     /// Row 10 if the sweep was requested.
@@ -226,7 +226,7 @@ fn with_card(choice: Choice, card: Estimate) -> Choice {
 }
 
 fn card_choice(row: u8, card: Estimate, words: String) -> Choice {
-    Choice::new(row, RemovedFrom::Card, Some(card), words)
+    Choice::new(row, Some(DelaySource::Card), Some(card), words)
 }
 
 fn count(flights: usize) -> String {
