@@ -7,7 +7,7 @@ use crate::listen::listener;
 use crate::show::{Table, count, visible};
 use crate::stop::Stop;
 use campaign::{BenchOrder, BenchVerdict, bench_run};
-use flight::{Severity, fixed};
+use flight::{Notice, Severity, fixed};
 use record::{BenchOutcome, CardChannel, CardMagnetometer, Finding, TimeBasis, Verdict};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -61,7 +61,8 @@ fn write_all(text: &str) -> Result<(), Failure> {
     }
 }
 
-/// The card as a table, the references of its delays, and remarks about the records.
+/// The card as a table, the references of its delays, and remarks about the records. What puts the card in doubt comes
+/// first.
 fn summary(verdict: &BenchVerdict) -> String {
     let mut text = String::new();
     for row in &verdict.rows {
@@ -71,6 +72,10 @@ fn summary(verdict: &BenchVerdict) -> String {
             BenchOutcome::Failed { reason } => format!("failed: {reason}"),
         };
         text += &format!("{}: {}\n", visible(&row.name), visible(&reason));
+    }
+    let is_in_doubt = verdict.channels().iter().any(CardChannel::is_in_doubt);
+    if is_in_doubt {
+        text += &remarks(verdict);
     }
     let mut table =
         Table::new(&["channel", "verdict", "delay ms|", "± U (k = 2)|", "as seen ms|", "gain|", "± U|", "records|"]);
@@ -84,11 +89,18 @@ fn summary(verdict: &BenchVerdict) -> String {
     if let Some(magnetometer) = verdict.card.as_ref().and_then(|card| card.magnetometer.as_ref()) {
         text += &format!("  {}\n", visible(&iron(magnetometer)));
     }
-    for notice in verdict.notices.iter().filter(|n| n.severity != Severity::Info) {
-        let place = if notice.place.is_empty() { String::new() } else { format!("{}: ", notice.place) };
-        text += &format!("  {}{}\n", visible(&place), visible(&notice.text));
+    if !is_in_doubt {
+        text += &remarks(verdict);
     }
     text
+}
+
+fn remarks(verdict: &BenchVerdict) -> String {
+    let line = |notice: &Notice| {
+        let place = if notice.place.is_empty() { String::new() } else { format!("{}: ", notice.place) };
+        format!("  {}{}\n", visible(&place), visible(&notice.text))
+    };
+    verdict.notices.iter().filter(|n| n.severity != Severity::Info).map(line).collect()
 }
 
 fn cells(channel: &CardChannel) -> Vec<String> {
@@ -147,7 +159,8 @@ fn verdict_word(verdict: Verdict) -> &'static str {
     }
 }
 
-/// The parameters of a filter lag: the delay in the table is only the best fit for the bench's swing.
+/// The parameters of a filter lag, unless the channel is in doubt: the delay in the table is only the best fit for the
+/// bench's swing.
 fn lag(channel: &CardChannel) -> Option<String> {
     let number = |value_s: f64, u_s: Option<f64>| {
         let u_ms = u_s.map(|u| COVERAGE * u * 1e3);
@@ -160,7 +173,7 @@ fn lag(channel: &CardChannel) -> Option<String> {
     let slow = channel.slow_motion_delay_s.map(|slow_s| {
         format!(", so slow motion is {} late", number(slow_s, channel.slow_motion_standard_uncertainty_s))
     });
-    channel.has_lag().then(|| {
+    (channel.has_lag() && !channel.is_in_doubt()).then(|| {
         format!(
             "{}: {} of {}{}; {} ms is only the pure delay that fits this swing best; the gain depends on the \
              frequency",

@@ -3,7 +3,7 @@
 use crate::brief::PageOf;
 use crate::dataset::Latest;
 use crate::row::Row;
-use flight::{Alarm, Gravity};
+use flight::{Alarm, Code, Gravity};
 use record::{ChangeCause, Estimate, FlightWords, MovedAdvice, MovedNumber, NamedFlight, RerunCause, RunChanges};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -49,6 +49,8 @@ pub fn compare(before: &Latest, now: &[Row], texts: &Texts, page: PageOf<'_>) ->
     }
     let size = |m: &MovedNumber| m.sigmas.map_or(-1.0, f64::abs);
     changes.moved.sort_by(|a, b| size(b).total_cmp(&size(a)));
+    // Guessed columns are the least of alarms, and the most frequent.
+    changes.alarms_new.sort_by_key(|of| of.words.iter().all(|word| word == Code::BoundByGuess.name()));
     changes
 }
 
@@ -468,6 +470,16 @@ mod tests {
             ..row("a")
         };
         assert_eq!(changes(&[was], &[now]).moved[0].causes, [ChangeCause::Settings]);
+    }
+
+    #[test]
+    fn alarms_of_guessed_columns_come_last() {
+        let guess = Code::BoundByGuess.name();
+        let with = |alarms: &str, flight: &str| Row { alarms: Some(alarms.into()), ..row(flight) };
+        let now = [with(guess, "a"), with("delay-steps", "b"), with(&format!("{guess} delay-steps"), "c")];
+        let found = changes(&[], &now);
+        let order: Vec<&str> = found.alarms_new.iter().map(|of| of.flight.flight.as_str()).collect();
+        assert_eq!(order, ["b", "c", "a"]);
     }
 
     #[test]
