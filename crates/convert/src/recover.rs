@@ -320,7 +320,6 @@ mod tests {
             type_name: String::new(),
             encoding: String::new(),
             messages,
-            vouched: 0,
             payload_bytes: 0,
             stamps: vec![],
             decoded: true,

@@ -118,10 +118,6 @@ pub struct TopicHealth {
     pub encoding: String,
     /// Intact messages (rows).
     pub messages: u64,
-    /// Messages whose values are covered by a checksum of the format: of a frame, sentence, chunk or data section.
-    /// Checksums of compression formats such as bz2 are verified too, but not counted.
-    #[serde(default)]
-    pub vouched: u64,
     /// Their payload bytes, uncompressed.
     pub payload_bytes: u64,
     /// Timestamps of these messages, one entry for each kind in the log.

@@ -35,7 +35,6 @@ mod tests {
             type_name: String::new(),
             encoding: "csv".to_owned(),
             messages: 3,
-            vouched: 0,
             payload_bytes: 9,
             stamps: vec![],
             decoded: true,

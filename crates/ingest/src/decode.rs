@@ -12,7 +12,6 @@ mod ros;
 pub(crate) mod rows;
 pub(crate) mod schema;
 mod type_sum;
-mod vouch;
 
 use common::{COMMON, COMPLETED, COMPLETED_AS_GIVEN, GIVEN, borrowed};
 pub(crate) use named::{NAMED, leave_out_placeholders};
@@ -26,8 +25,6 @@ use rows::Rows;
 use schema::{Dialect, Schema};
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 pub(crate) use type_sum::MD5_OF_NOTHING;
-pub(crate) use vouch::Vouch;
-use vouch::Vouched;
 
 /// Longest message definition that is parsed, bytes.
 const LONGEST_DEFINITION: usize = 1 << 20;
@@ -139,7 +136,6 @@ pub(crate) struct Topics<'w> {
     definition_bytes: usize,
     value_bytes: u64,
     log_time: LogTime,
-    vouch: Vouch,
 }
 
 struct Topic {
@@ -155,7 +151,6 @@ struct Topic {
     latest: usize,
     rows: Rows,
     messages: u64,
-    vouched: Vouched,
     payload_bytes: u64,
     logged: StampStats,
     /// `None` as long as every message was published when it was logged.
@@ -231,7 +226,6 @@ impl<'w> Topics<'w> {
             definition_bytes: 0,
             value_bytes: 0,
             log_time: LogTime::default(),
-            vouch: Vouch::Nothing,
         }
     }
 
@@ -243,16 +237,6 @@ impl<'w> Topics<'w> {
     /// Sets the clock of the container's timestamps, where it is not UTC.
     pub(crate) fn count_by(&mut self, clock: Clock) {
         self.clock = clock;
-    }
-
-    /// Sets how the following messages are protected by a checksum.
-    pub(crate) fn vouch(&mut self, by: Vouch) {
-        self.vouch = by;
-    }
-
-    /// Settles whether the checksum after the messages is correct.
-    pub(crate) fn settle(&mut self, is_right: bool) {
-        self.topics.iter_mut().for_each(|topic| topic.vouched.settle(is_right));
     }
 
     /// The route of messages of this topic and definition. Fails if there are too many topics.
@@ -360,7 +344,6 @@ impl<'w> Topics<'w> {
     pub(crate) fn numbered(&mut self, route: Route, times: Times, sequence: Option<u32>, payload: &[u8]) -> Fate {
         let Some(topic) = self.topics.get_mut(route.topic as usize) else { return Fate::Skipped };
         self.log_time.passes(times.logged_ns);
-        topic.vouched.count(self.vouch);
         topic.count(times, payload.len() as u64);
         let Some(decoder) = route.decoder else { return Fate::Skipped };
         if let (Some(message), Some(sink)) = (topic.raw_message(decoder, times, payload), self.want.sink()) {
@@ -402,8 +385,7 @@ impl<'w> Topics<'w> {
     /// Counts an intact message of `length` bytes whose payload was not read because it is not wanted.
     pub(crate) fn unread(&mut self, route: Route, times: Times, length: u64) -> Fate {
         if let Some(topic) = self.topics.get_mut(route.topic as usize) {
-            topic.vouched.count(self.vouch);
-            topic.count(times, length);
+                topic.count(times, length);
             self.log_time.passes(times.logged_ns);
         }
         Fate::Skipped
@@ -459,7 +441,6 @@ impl Topic {
             logged: if described { StampStats::new() } else { StampStats::counts_only() },
             published: None,
             only_indexed: 0,
-            vouched: Vouched::default(),
             undecodable: Tally::default(),
             too_long: Tally::default(),
             beyond_memory: 0,
@@ -598,7 +579,6 @@ impl Topic {
             type_name: self.info.type_name.clone(),
             encoding: self.info.encoding.clone(),
             messages: self.messages,
-            vouched: self.vouched.messages(),
             payload_bytes: self.payload_bytes,
             stamps: self.stamps(clock),
             decoded,

@@ -32,11 +32,11 @@ fn shown(tables: &[Table]) -> Vec<String> {
     tables.iter().map(|table| format!("{table:?}")).collect()
 }
 
-/// Topics without message sizes, without checksums, which belong to the container, and without publish times, which
+/// Topics without message sizes, which belong to the container, and without publish times, which
 /// MCAP has even if the log had none.
 fn topics(health: &LogHealth) -> Vec<TopicHealth> {
     let bare = |topic: &TopicHealth| {
-        let mut topic = TopicHealth { payload_bytes: 0, vouched: 0, ..topic.clone() };
+        let mut topic = TopicHealth { payload_bytes: 0, ..topic.clone() };
         if topic.encoding == "csv" {
             // A table without a wanted column says so; a message that is read for none of its fields does not.
             (topic.decoded, topic.reason) = (true, String::new());

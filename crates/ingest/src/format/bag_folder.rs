@@ -312,7 +312,6 @@ mod tests {
             messages,
             type_name: String::new(),
             encoding: String::new(),
-            vouched: 0,
             payload_bytes: 0,
             decoded: true,
             reason: String::new(),

@@ -591,11 +591,9 @@ impl Accounting {
     /// Reads a message. `open.fields` hold it already.
     fn message(&mut self, open: &mut Open<'_>, extent: Extent, topic: &mut Topic, line: u64) {
         if !topic.decoded {
-            topic.vouched += 1;
             topic.count(extent);
             self.ledger.count(Fate::Skipped, extent.whole as u64);
         } else if topic.fits(open.fields.len(), || false) {
-            topic.vouched += 1;
             // Its checksum is right, so it is not truncated.
             topic.push(open.fields.row(), 0, line, Extent { ended: true, ..extent });
             self.ledger.count(Fate::Decoded, extent.whole as u64);

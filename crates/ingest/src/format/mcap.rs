@@ -19,7 +19,7 @@ use self::original::Originals;
 use self::summary::{Summary, Trust};
 use self::visit::Visit;
 use crate::bytes::Bytes;
-use crate::decode::{Definition, NAMED, Route, Tally, Times, Topics, Vouch};
+use crate::decode::{Definition, NAMED, Route, Tally, Times, Topics};
 use crate::error::IngestError;
 use crate::format::bag_folder::{self, Metadata};
 use crate::format::inflate::{Inflater, is_packed};
@@ -492,14 +492,6 @@ impl Visit for Channels<'_, '_> {
 
     fn takes_attachments(&self) -> bool {
         self.topics.takes_extras()
-    }
-
-    fn vouch(&mut self, by: Vouch) {
-        self.topics.vouch(by);
-    }
-
-    fn settle(&mut self, is_right: bool) {
-        self.topics.settle(is_right);
     }
 
     fn index(&mut self, body: &[u8]) -> Result<Fate, String> {

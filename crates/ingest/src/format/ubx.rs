@@ -31,7 +31,7 @@ use self::ubx_frame::{Frame, WRONG, rtcm_length};
 pub(super) use self::ubx_frame::{LONGEST, RTCM, SYNC};
 use self::ubx_receiver::{Receiver, Weeks};
 use crate::decode::cells::{CellKind, CellLayout, push_hex};
-use crate::decode::{Route, Tally, Times, Topics, Vouch};
+use crate::decode::{Route, Tally, Times, Topics};
 use crate::format::report_too_many_topics;
 use crate::reader::Log;
 use crate::table::{PAYLOAD_HEX, TopicInfo};
@@ -139,7 +139,6 @@ impl Frames {
             }
             self.early.add(|| message.name.to_owned());
         }
-        topics.vouch(Vouch::Checksum);
         let Some(route) = self.route(key, topics) else { return Fate::Skipped };
         if !route.is_wanted() {
             return topics.unread(route, UNSTAMPED, frame.payload.len() as u64);
@@ -150,7 +149,6 @@ impl Frames {
 
     /// Counts a message that is not read, or passes it on raw, with the last known time of week.
     fn skip(&mut self, key: (u8, u8), payload: &[u8], topics: &mut Topics<'_>) -> Fate {
-        topics.vouch(Vouch::Checksum);
         if !topics.takes_extras() {
             let route = self.route(key, topics);
             return route.map_or(Fate::Skipped, |route| topics.unread(route, UNSTAMPED, payload.len() as u64));

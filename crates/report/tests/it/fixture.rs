@@ -504,7 +504,6 @@ fn topic(i: usize) -> TopicHealth {
         type_name: "geometry_msgs/TwistStamped".into(),
         encoding: "cdr".into(),
         messages: 1000 * i as u64,
-        vouched: 0,
         payload_bytes: 123_456 * i as u64,
         stamps: vec![stamps(10.0, 1)],
         decoded: i < 3,

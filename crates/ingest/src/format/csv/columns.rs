@@ -34,8 +34,6 @@ pub(super) struct Topic {
     pub(super) decoded: bool,
     /// The number of intact rows.
     pub(super) rows: u64,
-    /// The number of rows with a correct checksum.
-    pub(super) vouched: u64,
     payload_bytes: u64,
     /// Why nothing is decoded although something was wanted.
     reason: String,
@@ -256,7 +254,6 @@ impl Topic {
             type_name: self.info.type_name.clone(),
             encoding: self.info.encoding.clone(),
             messages: self.rows,
-            vouched: self.vouched,
             payload_bytes: self.payload_bytes,
             stamps: vec![],
             decoded: self.decoded,

@@ -9,7 +9,7 @@ use super::mcap_record::{
 use super::summary::{self, Summary};
 use super::visit::Visit;
 use crate::bytes::Bytes;
-use crate::decode::{Tally, Vouch};
+use crate::decode::Tally;
 use crate::format::unpacker::Unpacker;
 use crate::format::wrong_start;
 use crate::reader::ReadContext;
@@ -103,13 +103,6 @@ impl<'b, 'c, V: Visit> Records<'b, 'c, V> {
     fn begin_log(&mut self, start: u64, summary: Summary) {
         let data_crc = (summary.data_crc != Some(0)).then(crc32fast::Hasher::new);
         self.log = State { start, summary, data_crc, ..State::default() };
-        self.visit.settle(false);
-        self.visit.vouch(self.outer());
-    }
-
-    /// What vouches for messages outside chunks, and in chunks without a checksum.
-    fn outer(&self) -> Vouch {
-        if self.log.data_crc.is_some() { Vouch::Later } else { Vouch::Nothing }
     }
 
     /// Reports oddities of the log that ends, unless nothing of it was present: bytes before the first log are damage.
@@ -218,9 +211,7 @@ impl<'b, 'c, V: Visit> Records<'b, 'c, V> {
     fn check_data(&mut self, stated: u32, end: u64) {
         let log = &mut self.log;
         let Some(hasher) = log.data_crc.take() else { return };
-        let is_right = stated != 0 && !log.damaged && hasher.finalize() == stated;
-        self.visit.settle(is_right);
-        if stated != 0 && !log.damaged && !is_right {
+        if stated != 0 && !log.damaged && hasher.finalize() != stated {
             let place = format!("{}, bytes {} to {end}", self.name, log.start);
             let text = "the checksum of the data section is wrong: some of its bytes are damaged";
             self.notices.push(Code::Corrupt, place, end - log.start, text);
@@ -241,8 +232,6 @@ impl<'b, 'c, V: Visit> Records<'b, 'c, V> {
         }
         let follows = self.begins(file.look(head.end, &mut [0; MAGIC.len() + HEAD_BYTES as usize])?);
         let wrong = |reason| if follows { Fetched::Damaged(reason) } else { Fetched::Refuted(reason) };
-        // The checksum of the data section covers the packed bytes, and so the messages too.
-        let outer = self.outer();
         self.unpacker.come_to(head.start, file);
         file.bytes(head.start, (head.end - head.start) as usize)?;
         let Some(unpacked) = self.unpacker.unpack(&chunk.packed(head, file.size()), file)? else {
@@ -255,9 +244,7 @@ impl<'b, 'c, V: Visit> Records<'b, 'c, V> {
             return Ok(wrong("the checksum of the chunk is wrong".into()));
         }
         self.log.without_crc += u64::from(chunk.crc == 0);
-        self.visit.vouch(if chunk.crc == 0 { outer } else { Vouch::Checksum });
         let verdict = contents(unpacked.bytes, self.visit, &mut self.log.unknown);
-        self.visit.vouch(outer);
         if leads_over_records(file, head.start + chunk.data_at + chunk.compressed, head)? {
             return Ok(Fetched::Damaged("a chunk whose length reaches over other records; it was kept".into()));
         }

@@ -1,7 +1,6 @@
 //! Receivers of records during the walk through a file or its summary.
 
 use super::summary::Summary;
-use crate::decode::Vouch;
 use flight::Notices;
 use logscan::Fate;
 
@@ -21,12 +20,6 @@ pub(super) trait Visit {
     fn takes_attachments(&self) -> bool {
         false
     }
-
-    /// What vouches for the messages that follow.
-    fn vouch(&mut self, _by: Vouch) {}
-
-    /// Whether the checksum after the messages is valid.
-    fn settle(&mut self, _is_right: bool) {}
 
     /// A message index of a skipped chunk: nothing else reports what it lists.
     fn index(&mut self, body: &[u8]) -> Result<Fate, String>;

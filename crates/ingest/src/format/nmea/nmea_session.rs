@@ -5,7 +5,7 @@ use super::kind::{Kind, UTC, is_valid, whole_layout};
 use super::sentence::{Sentence, plain, time_of_day_ns};
 use super::talkers;
 use crate::civil::calendar_to_unix_ns;
-use crate::decode::{Route, Tally, Times, Topics, Vouch};
+use crate::decode::{Route, Tally, Times, Topics};
 use crate::format::identity::of_version;
 use crate::format::report_too_many_topics;
 use crate::reader::Log;
@@ -69,7 +69,6 @@ impl Session {
         topics: &mut Topics<'_>,
     ) -> Fate {
         let (talker, name) = sentence.address();
-        topics.vouch(if sentence.checked { Vouch::Checksum } else { Vouch::Nothing });
         self.note(name, sentence);
         let date = midnight(name, sentence);
         self.age.look(talker, name, sentence, date);

@@ -6,7 +6,7 @@ use super::framing::{Framing, NO_FRAME, next_time, time_us};
 use super::mavlink_frame::{Frame, Sender};
 use super::mavlink_vehicle::Vehicle;
 use crate::decode::cells::{CellKind, CellLayout, push_hex};
-use crate::decode::{Route, Tally, Times, Topics, Vouch};
+use crate::decode::{Route, Tally, Times, Topics};
 use crate::format::report_too_many_topics;
 use crate::reader::Log;
 use crate::table::{PAYLOAD_HEX, TopicInfo};
@@ -142,8 +142,6 @@ impl<'b, 't> Session<'b, 't> {
             return Fate::Skipped;
         };
         let times = Times { logged_ns, published_ns: None };
-        // The checksum of a message that is not defined depends on an unknown byte.
-        self.topics.vouch(if definition_of(frame).is_some() { Vouch::Checksum } else { Vouch::Nothing });
         let Some(definition) = definition_of(frame) else {
             *self.undefined.entry(frame.message).or_default() += 1;
             if !self.topics.takes_extras() {

@@ -1,54 +1,8 @@
-//! Which topics are covered by a checksum, and how a log ends that was written until power-off.
+//! How a log ends that was written until power-off.
 
-use crate::support::{file, in_context, load};
+use crate::support::{file, load};
 use flight::Severity;
-use ingest::{FlightUnit, Limits, Loaded, LogKind, MapLibrary, discover};
-use simulate::seeds;
-use std::collections::BTreeMap;
-
-/// Every seed, read whole.
-fn each_seed() -> BTreeMap<&'static str, Loaded> {
-    let library = MapLibrary::shipped().unwrap();
-    let read = |seed: simulate::Seed| {
-        let folder = tempfile::tempdir().unwrap();
-        for file in &seed.files {
-            let path = folder.path().join(&file.path);
-            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-            std::fs::write(path, &file.bytes).unwrap();
-        }
-        let unit = discover(folder.path(), &library).unwrap().units.remove(0);
-        let limits = Limits { may_leave_closed: false, ..Limits::default() };
-        let loaded =
-            crate::support::with_limits(limits, |context| ingest::load(&unit, &library, None, context)).unwrap();
-        (seed.name, loaded)
-    };
-    seeds().unwrap().into_iter().map(read).collect()
-}
-
-#[test]
-fn each_topic_reports_how_many_of_its_messages_have_a_checksum() {
-    for (name, loaded) in each_seed() {
-        let (messages, vouched): (u64, u64) =
-            loaded.health.topics.iter().fold((0, 0), |(m, v), topic| (m + topic.messages, v + topic.vouched));
-        let expected = match name.split('-').next().unwrap() {
-            "mcap" | "tlog" | "ubx" | "nmea" => messages,
-            _ => 0,
-        };
-        assert!(messages > 0, "{name}");
-        assert_eq!(vouched, expected, "{name}");
-    }
-}
-
-#[test]
-fn only_sentences_with_a_checksum_count_as_verified() {
-    let log = "$GPHDT,274.07,T\r\n$GPHDT,274.08,T\r\n$GPHDT,274.07,T*03\r\n".repeat(10);
-    let (_folder, path) = file("a.nmea", log.as_bytes());
-    let unit = FlightUnit { id: "a".into(), files: vec![path], kind: LogKind::Nmea };
-    let library = MapLibrary::shipped().unwrap();
-    let loaded = in_context(|context| ingest::load(&unit, &library, None, context)).unwrap();
-    let topic = &loaded.health.topics[0];
-    assert!(topic.vouched > 0 && topic.vouched < topic.messages, "{topic:?}");
-}
+use ingest::{FlightUnit, Loaded, LogKind};
 
 /// Results for a log of this format truncated inside its last record, and inside a record in its first half.
 fn cut(kind: LogKind, content: &[u8], by: usize) -> Loaded {
