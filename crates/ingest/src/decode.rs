@@ -385,7 +385,7 @@ impl<'w> Topics<'w> {
     /// Counts an intact message of `length` bytes whose payload was not read because it is not wanted.
     pub(crate) fn unread(&mut self, route: Route, times: Times, length: u64) -> Fate {
         if let Some(topic) = self.topics.get_mut(route.topic as usize) {
-                topic.count(times, length);
+            topic.count(times, length);
             self.log_time.passes(times.logged_ns);
         }
         Fate::Skipped

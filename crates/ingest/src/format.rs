@@ -25,7 +25,7 @@ pub(crate) use csv::read as read_tables;
 pub(crate) use dataflash::{looks_like as looks_like_dataflash, read as read_dataflash};
 pub(crate) use db3::{read as read_db3, write_ahead_log_of};
 pub(crate) use mcap::read as read_mcap;
-pub use mcap::{OriginalLog, OriginalTopic, mcap_records};
+pub use mcap::{OriginalLog, OriginalTopic};
 pub(crate) use nmea::looks_like as looks_like_nmea;
 pub(crate) use receiver::read as read_receiver;
 pub(crate) use tlog::{looks_like as looks_like_tlog, read as read_tlog};

@@ -32,8 +32,6 @@ mod written_unit;
 pub use bind::{RowTimes, TableTimes, bind, row_times};
 pub use discover::{Discovery, FlightUnit, discover};
 pub use error::IngestError;
-#[doc(hidden)]
-pub use format::mcap_records;
 pub use format::{OriginalLog, OriginalTopic, inert};
 pub use load::{Loaded, load, load_orientations, open, reader_of, suggest};
 pub use map::{ChannelMap, EXAMPLE_MAP, MapLibrary, MapSelect, SelectAll};

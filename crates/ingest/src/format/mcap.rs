@@ -3,21 +3,17 @@
 //! The `mcap` crate reads single records. Framing, chunks and recovery are ours (`records`), because the
 //! crate's own readers trust the lengths stated by a damaged file.
 
-mod conformance;
 mod mcap_record;
 mod mcap_records;
 mod original;
 mod summary;
-mod visit;
 
-pub use self::conformance::mcap_records;
 pub use self::original::{OriginalLog, OriginalTopic};
 
 use self::mcap_record::{AttachmentHead, WRONG_START};
 use self::mcap_records::Records;
 use self::original::Originals;
 use self::summary::{Summary, Trust};
-use self::visit::Visit;
 use crate::bytes::Bytes;
 use crate::decode::{Definition, NAMED, Route, Tally, Times, Topics};
 use crate::error::IngestError;
@@ -464,9 +460,9 @@ impl<'t, 'w> Channels<'t, 'w> {
             notices.push(Code::UnreliableStamps, file, self.late_stamps, text);
         }
     }
-}
 
-impl Visit for Channels<'_, '_> {
+    /// A record, from the top level or from within an intact chunk. For an attachment that is not wanted or
+    /// exceeds the maximum record length, the first megabyte. The error is for users.
     fn record(&mut self, opcode: u8, body: &[u8]) -> Result<Fate, String> {
         match opcode {
             op::MESSAGE => self.message(body),
@@ -480,12 +476,14 @@ impl Visit for Channels<'_, '_> {
         }
     }
 
+    /// Whether messages of this channel are wanted; true if the channel is not known.
     fn may_want(&mut self, channel: u16) -> bool {
         // A summary may repeat channels without their schemas: the walk learns those when it reaches them.
         let waits = |c: &Channel| c.schema_id != 0 && !self.schemas.contains_key(&c.schema_id);
         self.channels.get(&channel).is_some_and(waits) || self.route(channel).is_none_or(Route::is_wanted)
     }
 
+    /// Whether a message of this channel can be placed.
     fn knows(&self, channel: u16) -> bool {
         !matches!(self.ways.get(usize::from(channel)), Some(Way::Unknown) | None)
     }
@@ -494,16 +492,19 @@ impl Visit for Channels<'_, '_> {
         self.topics.takes_extras()
     }
 
-    fn index(&mut self, body: &[u8]) -> Result<Fate, String> {
+    /// A message index of a skipped chunk: nothing else reports what it lists.
+    fn index_of_skipped(&mut self, body: &[u8]) -> Result<Fate, String> {
         self.other(op::MESSAGE_INDEX, body)
     }
 
+    /// A log has ended, and this is what it stated about itself. Oddities are reported.
     fn end_log(&mut self, file: &str, summary: &Summary, notices: &mut Notices) {
         self.conclude(file, summary, notices);
         self.undecodable += self.unplaced.count + self.broken.count;
         self.headers.push(std::mem::take(&mut self.header));
     }
 
+    /// Another log starts, with definitions of its own.
     fn forget(&mut self) {
         self.schemas.clear();
         self.channels.clear();

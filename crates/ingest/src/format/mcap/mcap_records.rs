@@ -3,11 +3,11 @@
 //! Every checksum is checked before the data under it are used. After damage in a chunked file, only whole chunks are
 //! accepted, never the messages inside a broken one: nothing vouches for them.
 
+use super::Channels;
 use super::mcap_record::{
     AttachmentHead, ChunkHead, HEAD_BYTES, Head, LONGEST, MAGIC, WRONG_START, is_defined, is_private, name,
 };
 use super::summary::{self, Summary};
-use super::visit::Visit;
 use crate::bytes::Bytes;
 use crate::decode::Tally;
 use crate::format::unpacker::Unpacker;
@@ -30,12 +30,12 @@ const MOST_LOGS: u64 = 1000;
 const CUT: &str = "a truncated chunk";
 
 /// The records of one file, which may be several logs one after another.
-pub(super) struct Records<'b, 'c, V> {
+pub(super) struct Records<'b, 'c, 't, 'w> {
     name: String,
     size: u64,
     context: &'b ReadContext<'c>,
     notices: &'b mut Notices,
-    visit: &'b mut V,
+    channels: &'b mut Channels<'t, 'w>,
     unpacker: Unpacker,
     /// Some of the file was examined.
     has_begun: bool,
@@ -70,15 +70,15 @@ struct State {
     is_closed: bool,
 }
 
-impl<'b, 'c, V: Visit> Records<'b, 'c, V> {
+impl<'b, 'c, 't, 'w> Records<'b, 'c, 't, 'w> {
     /// For a file whose first log has this summary, found at the end of the file.
     pub(super) fn new(
         file: &mut LogFile,
         context: &'b ReadContext<'c>,
         notices: &'b mut Notices,
-        visit: &'b mut V,
+        channels: &'b mut Channels<'t, 'w>,
         summary: Summary,
-    ) -> Records<'b, 'c, V> {
+    ) -> Records<'b, 'c, 't, 'w> {
         let mut unpacker = Unpacker::new(file, context.limits.chunk_bytes);
         let opened = summary.chunks.iter().filter(|chunk| chunk.wanted).map(|chunk| chunk.offset).collect();
         unpacker.expect(opened, ChunkHead::look);
@@ -88,7 +88,7 @@ impl<'b, 'c, V: Visit> Records<'b, 'c, V> {
         }
         let (name, log) = (file.name().to_owned(), State::default());
         let mut records =
-            Records { name, size: file.size(), context, notices, visit, unpacker, has_begun: false, logs: 0, log };
+            Records { name, size: file.size(), context, notices, channels, unpacker, has_begun: false, logs: 0, log };
         records.begin_log(0, summary);
         records
     }
@@ -114,10 +114,10 @@ impl<'b, 'c, V: Visit> Records<'b, 'c, V> {
         self.logs += 1;
         if let Some(end) = log.end.filter(|end| log.start > 0 || *end < self.size) {
             // Anything examined before is at the end of the file.
-            log.summary = Summary::read(file, log.start..end, self.context.limits.record_bytes, self.visit)?;
+            log.summary = Summary::read(file, log.start..end, self.context.limits.record_bytes, self.channels)?;
         }
         log.conclude(&self.name, self.notices);
-        self.visit.end_log(&self.name, &log.summary, self.notices);
+        self.channels.end_log(&self.name, &log.summary, self.notices);
         Ok(())
     }
 
@@ -147,7 +147,7 @@ impl<'b, 'c, V: Visit> Records<'b, 'c, V> {
                 return (!Head::is_too_long(head.length - attachment.data.end - 4)).then_some(Trust::Proven);
             }
             op::MESSAGE => {
-                let knows = Bytes(body).u16().is_some_and(|channel| self.visit.knows(channel));
+                let knows = Bytes(body).u16().is_some_and(|channel| self.channels.knows(channel));
                 return (head.length >= super::MESSAGE_HEAD_BYTES as u64).then_some(if knows {
                     Trust::Agrees
                 } else {
@@ -193,10 +193,10 @@ impl<'b, 'c, V: Visit> Records<'b, 'c, V> {
                 self.check_data(Bytes(body).u32().unwrap_or_default(), at);
             }
             op::FOOTER => self.log.footer_seen = true,
-            op::MESSAGE_INDEX if self.log.is_closed => return self.visit.index(body),
+            op::MESSAGE_INDEX if self.log.is_closed => return self.channels.index_of_skipped(body),
             _ => {}
         }
-        self.visit.record(opcode, body)
+        self.channels.record(opcode, body)
     }
 
     /// A record of unknown type comes from a later version or an application.
@@ -244,7 +244,7 @@ impl<'b, 'c, V: Visit> Records<'b, 'c, V> {
             return Ok(wrong("the checksum of the chunk is wrong".into()));
         }
         self.log.without_crc += u64::from(chunk.crc == 0);
-        let verdict = contents(unpacked.bytes, self.visit, &mut self.log.unknown);
+        let verdict = contents(unpacked.bytes, self.channels, &mut self.log.unknown);
         if leads_over_records(file, head.start + chunk.data_at + chunk.compressed, head)? {
             return Ok(Fetched::Damaged("a chunk whose length reaches over other records; it was kept".into()));
         }
@@ -262,7 +262,7 @@ impl<'b, 'c, V: Visit> Records<'b, 'c, V> {
         let mut at = head.end;
         while let Some(index) = Head::read(file, at)?.filter(|head| head.opcode == op::MESSAGE_INDEX) {
             let channel = file.peek::<2>(index.start + HEAD_BYTES)?.map(u16::from_le_bytes);
-            if channel.is_some_and(|channel| self.visit.may_want(channel)) {
+            if channel.is_some_and(|channel| self.channels.may_want(channel)) {
                 return Ok(false);
             }
             at = index.end;
@@ -287,10 +287,10 @@ impl<'b, 'c, V: Visit> Records<'b, 'c, V> {
         if leads_over_records(source, crc_at + 4, head)? {
             return Ok(Fetched::Damaged("an attachment whose length reaches over other records".into()));
         }
-        let whole = self.visit.takes_attachments() && head.length <= self.context.limits.record_bytes;
+        let whole = self.channels.takes_attachments() && head.length <= self.context.limits.record_bytes;
         let shown = if whole { head.length } else { head.length.min(ATTACHMENT_SHOWN) };
         let body = source.bytes(start, shown as usize)?.unwrap_or_default();
-        Ok(fetched(self.visit.record(head.opcode, body)))
+        Ok(fetched(self.channels.record(head.opcode, body)))
     }
 
     fn sum<S: Source>(
@@ -347,7 +347,7 @@ fn fetched(verdict: Result<Fate, String>) -> Fetched {
     verdict.map_or_else(|reason| Fetched::Damaged(reason.into()), Fetched::Taken)
 }
 
-impl<V: Visit> Framing for Records<'_, '_, V> {
+impl Framing for Records<'_, '_, '_, '_> {
     const START: &'static [u8] = MAGIC;
     const STATES_ITS_END: bool = true;
 
@@ -439,7 +439,7 @@ impl<V: Visit> Framing for Records<'_, '_, V> {
                 if let Some(file) = source.file() {
                     self.end_log(file, false)?;
                 }
-                self.visit.forget();
+                self.channels.forget();
                 self.begin_log(at, Summary::default());
             }
             if let Some(hasher) = &mut self.log.data_crc {
@@ -525,7 +525,7 @@ impl State {
 }
 
 /// Passes on the records inside a chunk. The fate is that of the whole chunk.
-fn contents<V: Visit>(data: &[u8], visit: &mut V, unknown: &mut Tally) -> Result<Fate, String> {
+fn contents(data: &[u8], channels: &mut Channels<'_, '_>, unknown: &mut Tally) -> Result<Fate, String> {
     let mut rest = Bytes(data);
     let mut fate = Fate::Structure;
     let mut bad = Tally::default();
@@ -537,7 +537,7 @@ fn contents<V: Visit>(data: &[u8], visit: &mut V, unknown: &mut Tally) -> Result
             return Err("a record reaches beyond the end of its chunk; the records before it were kept".to_owned());
         };
         match opcode {
-            op::MESSAGE | op::SCHEMA | op::CHANNEL => match visit.record(opcode, body) {
+            op::MESSAGE | op::SCHEMA | op::CHANNEL => match channels.record(opcode, body) {
                 Ok(one) => fate = weightier(fate, one),
                 Err(reason) => bad.add(|| reason),
             },

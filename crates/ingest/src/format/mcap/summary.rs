@@ -1,7 +1,7 @@
 //! The summary at the end of a file: hints for the walk, trusted as far as its checksum allows.
 
+use super::Channels;
 use super::mcap_record::{self, HEAD_BYTES, Head, MAGIC};
-use super::visit::Visit;
 use crate::bytes::Bytes;
 use logscan::{LogFile, ScanError};
 use mcap::records::{Record, op};
@@ -59,12 +59,12 @@ pub(super) struct Summary {
 
 impl Summary {
     /// Reads the summary of a log with this start and end in the file; channels of a trusted summary are passed to
-    /// `visit`. No record may be longer than `most`.
-    pub(super) fn read<V: Visit>(
+    /// `channels`. No record may be longer than `most`.
+    pub(super) fn read(
         file: &mut LogFile,
         log: Range<u64>,
         most: u64,
-        visit: &mut V,
+        channels: &mut Channels<'_, '_>,
     ) -> Result<Summary, ScanError> {
         let Some(place) = Place::find(file, &log)? else { return Ok(Summary::default()) };
         let mut summary = Summary { start: log.start, ..Summary::default() };
@@ -76,32 +76,32 @@ impl Summary {
         let Some(start) = place.start else { return Ok(summary) };
         summary.trust = place.check(file, start)?;
         let is_bad = summary.trust == Trust::Bad;
-        if is_bad || summary.read_records(file, start..place.footer, most, visit)?.is_none() {
+        if is_bad || summary.read_records(file, start..place.footer, most, channels)?.is_none() {
             return Ok(Summary { trust: Trust::Bad, ..Summary::default() });
         }
         Ok(summary)
     }
 
     /// Two passes over the records, because an index may come before the channels that it refers to.
-    fn read_records<V: Visit>(
+    fn read_records(
         &mut self,
         file: &mut LogFile,
         place: Range<u64>,
         most: u64,
-        visit: &mut V,
+        channels: &mut Channels<'_, '_>,
     ) -> Result<Option<()>, ScanError> {
         let good = self.trust == Trust::Good;
-        let channels = each_record(file, place.clone(), most, |opcode, body| {
+        let read = each_record(file, place.clone(), most, |opcode, body| {
             if good && matches!(opcode, op::SCHEMA | op::CHANNEL) {
                 // The walk reports unreadable records when it reaches them.
-                let _ = visit.record(opcode, body);
+                let _ = channels.record(opcode, body);
             }
             Some(())
         })?;
-        if channels.is_none() {
+        if read.is_none() {
             return Ok(None);
         }
-        let indexes = each_record(file, place, most, |opcode, body| self.index(opcode, body, visit))?;
+        let indexes = each_record(file, place, most, |opcode, body| self.index(opcode, body, channels))?;
         self.chunks.sort_by_key(|c| c.offset);
         self.has_chunks = !self.chunks.is_empty();
         if self.chunks.len() >= MOST_CHUNKS {
@@ -121,7 +121,7 @@ impl Summary {
         }
     }
 
-    fn index<V: Visit>(&mut self, opcode: u8, body: &[u8], visit: &mut V) -> Option<()> {
+    fn index(&mut self, opcode: u8, body: &[u8], channels: &mut Channels<'_, '_>) -> Option<()> {
         match opcode {
             op::STATISTICS => {
                 let Ok(Record::Statistics(statistics)) = mcap_record::parse(opcode, body) else { return None };
@@ -130,10 +130,10 @@ impl Summary {
             op::CHUNK_INDEX if self.chunks.len() < MOST_CHUNKS => {
                 let Ok(Record::ChunkIndex(index)) = mcap_record::parse(opcode, body) else { return None };
                 // Without message indexes the content of the chunk is unknown.
-                let channels = &index.message_index_offsets;
+                let listed = &index.message_index_offsets;
                 let wanted = self.trust != Trust::Good
-                    || channels.is_empty()
-                    || channels.keys().any(|&channel| visit.may_want(channel));
+                    || listed.is_empty()
+                    || listed.keys().any(|&channel| channels.may_want(channel));
                 let (offset, length) = (self.start.checked_add(index.chunk_start_offset)?, index.chunk_length);
                 self.chunks.push(IndexedChunk { offset, length, wanted });
             }
