@@ -4,8 +4,8 @@ use crate::civil::{DateOrder, Tick, offset_seconds};
 use crate::definitions::Definitions;
 use crate::error::IngestError;
 use crate::map_schema::{
-    ChannelEntry, ClockName, ContainerStamp, FieldEntry, FieldTable, FrameName, HeightAbove, KindName, MapFile,
-    OneOrMore, QuantityName, RequireEntry, TimeEntry, TimeTable, TimeText, UtcEntry, WhenEntry,
+    ChannelEntry, ClockName, ContainerStamp, FieldEntry, FieldTable, FrameName, HeightAbove, MapFile, OneOrMore,
+    RequireEntry, TimeEntry, TimeTable, TimeText, UtcEntry, WhenEntry,
 };
 use crate::reader::{FieldRequest, Select, Selection, ValueKind};
 use crate::table::TopicInfo;
@@ -719,28 +719,10 @@ fn rule_of(entry: &ChannelEntry, file: &MapFile) -> Result<ChannelRule, String> 
     }
     Ok(ChannelRule {
         name: entry.name.clone(),
-        quantity: match entry.quantity {
-            QuantityName::PositionGeodetic => Quantity::PositionGeodetic,
-            QuantityName::PositionNed => Quantity::PositionNed,
-            QuantityName::VelocityNed => Quantity::VelocityNed,
-            QuantityName::Height => Quantity::Height,
-            QuantityName::Attitude => Quantity::Attitude,
-            QuantityName::AngularRate => Quantity::AngularRate,
-            QuantityName::SpecificForce => Quantity::SpecificForce,
-            QuantityName::MagneticField => Quantity::MagneticField,
-            QuantityName::MagneticDirection => Quantity::MagneticDirection,
-            QuantityName::EncoderCount => Quantity::EncoderCount,
-            QuantityName::EncoderAngle => Quantity::EncoderAngle,
-            QuantityName::Pulse => Quantity::Pulse,
-            QuantityName::Scalar => Quantity::Scalar,
-        },
+        quantity: entry.quantity,
         topics: entry.topic.clone(),
         types: entry.types.iter().map(|t| plain_type(t)).collect(),
-        timeline: match entry.timeline {
-            KindName::Measured => StampKind::Measured,
-            KindName::Published => StampKind::Published,
-            KindName::Logged => StampKind::Logged,
-        },
+        timeline: entry.timeline,
         times,
         combine,
         parts,
@@ -769,22 +751,22 @@ fn either<'a>(this: Slot<'a>, opposite: Slot<'a>) -> Slot<'a> {
 }
 
 /// The fields present determine how they combine.
-fn recipe(quantity: QuantityName, f: &FieldTable, frame: Option<FrameName>) -> Result<(Combine, Vec<Part>), String> {
+fn recipe(quantity: Quantity, f: &FieldTable, frame: Option<FrameName>) -> Result<(Combine, Vec<Part>), String> {
     use Dimension::{Acceleration, Angle, AngularRate, Length, MagneticField, None as Pure, Time};
     let (combine, slots): (Combine, Vec<Slot<'_>>) = match quantity {
-        QuantityName::PositionGeodetic => place(f, frame),
-        QuantityName::PositionNed => (Combine::AsIs, north_east_down(f, Length)),
-        QuantityName::VelocityNed => velocity(f, frame),
-        QuantityName::Scalar => (Combine::AsIs, vec![slot("value", Pure, &f.value)]),
-        QuantityName::Height => (Combine::AsIs, vec![slot("height", Length, &f.height)]),
-        QuantityName::EncoderCount => (Combine::AsIs, vec![slot("count", Pure, &f.count)]),
-        QuantityName::EncoderAngle => (Combine::AsIs, vec![slot("angle", Angle, &f.angle)]),
-        QuantityName::Pulse => (Combine::AsIs, vec![slot("second", Time, &f.second)]),
-        QuantityName::Attitude => attitude(f, frame)?,
-        QuantityName::AngularRate => (Combine::AsIs, body_axes(f, AngularRate, frame)?),
-        QuantityName::SpecificForce => (Combine::AsIs, body_axes(f, Acceleration, frame)?),
-        QuantityName::MagneticField => (Combine::AsIs, body_axes(f, MagneticField, frame)?),
-        QuantityName::MagneticDirection => (Combine::AsIs, body_axes(f, Pure, frame)?),
+        Quantity::PositionGeodetic => place(f, frame),
+        Quantity::PositionNed => (Combine::AsIs, north_east_down(f, Length)),
+        Quantity::VelocityNed => velocity(f, frame),
+        Quantity::Scalar => (Combine::AsIs, vec![slot("value", Pure, &f.value)]),
+        Quantity::Height => (Combine::AsIs, vec![slot("height", Length, &f.height)]),
+        Quantity::EncoderCount => (Combine::AsIs, vec![slot("count", Pure, &f.count)]),
+        Quantity::EncoderAngle => (Combine::AsIs, vec![slot("angle", Angle, &f.angle)]),
+        Quantity::Pulse => (Combine::AsIs, vec![slot("second", Time, &f.second)]),
+        Quantity::Attitude => attitude(f, frame)?,
+        Quantity::AngularRate => (Combine::AsIs, body_axes(f, AngularRate, frame)?),
+        Quantity::SpecificForce => (Combine::AsIs, body_axes(f, Acceleration, frame)?),
+        Quantity::MagneticField => (Combine::AsIs, body_axes(f, MagneticField, frame)?),
+        Quantity::MagneticDirection => (Combine::AsIs, body_axes(f, Pure, frame)?),
     };
     if frame.is_some() && !slots.iter().any(|s| matches!(s.role, "x" | "y" | "z" | "orientation_w" | "roll")) {
         return Err("a frame is only for x, y and z, or for an attitude".into());

@@ -1,7 +1,7 @@
 //! A channel map as written in its file. Every struct rejects unknown fields.
 
 use crate::reader::Log;
-use flight::Unit;
+use flight::{Quantity, StampKind, Unit};
 #[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer, StrDeserializer};
@@ -229,54 +229,6 @@ pub(crate) enum ClockName {
     Julian,
 }
 
-/// A kind of timestamp.
-#[derive(Debug, Clone, Copy, Deserialize)]
-#[cfg_attr(feature = "schema", derive(JsonSchema))]
-#[serde(rename_all = "kebab-case")]
-pub(crate) enum KindName {
-    /// Time at which the value was true, according to the device.
-    Measured,
-    /// Time at which the driver sent the message.
-    Published,
-    /// Time at which the logger received it.
-    Logged,
-}
-
-/// Quantity of a channel.
-#[derive(Debug, Clone, Copy, Deserialize)]
-#[cfg_attr(feature = "schema", derive(JsonSchema))]
-#[serde(rename_all = "kebab-case")]
-pub(crate) enum QuantityName {
-    /// `latitude`, `longitude` and optionally `height`; or `x`, `y`, `z` with the frame `ecef`.
-    PositionGeodetic,
-    /// `north`, `east` or `west`, and optionally `down` or `up`.
-    PositionNed,
-    /// `north`, `east`; or `speed`, `track` and optionally `variation`; or `forward`, `left`, `up` and the orientation;
-    /// or `x`, `y`, `z` with the frame `ecef` and the position `at_x`, `at_y`, `at_z`.
-    VelocityNed,
-    /// `height`.
-    Height,
-    /// `orientation_w` to `orientation_z`, a quaternion that need not be normalised, or `roll`, `pitch` and `yaw`; with
-    /// `frame`.
-    Attitude,
-    /// `x`, `y`, `z` with `frame`; or `forward`, `right` or `left`, `down` or `up`. An axis may be missing.
-    AngularRate,
-    /// As an angular rate. At rest and level it points up.
-    SpecificForce,
-    /// As an angular rate, in a unit of magnetic field.
-    MagneticField,
-    /// As an angular rate, in units of the local field.
-    MagneticDirection,
-    /// `count`.
-    EncoderCount,
-    /// `angle`.
-    EncoderAngle,
-    /// `second`: a time, or a running number.
-    Pulse,
-    /// `value`.
-    Scalar,
-}
-
 /// Axes of a source.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
@@ -317,7 +269,7 @@ pub(crate) struct ChannelEntry {
     /// Name of the form `quantity.source`, such as `position.gps`.
     pub(crate) name: String,
     /// Its quantity.
-    pub(crate) quantity: QuantityName,
+    pub(crate) quantity: Quantity,
     /// Topic names, the best first. A name of several words also matches below a namespace. It also matches a file name
     /// that ends in it, with `/` written as `-` or `_`, and with an instance such as `_0` after it.
     #[serde(default)]
@@ -327,7 +279,7 @@ pub(crate) struct ChannelEntry {
     #[serde(default, rename = "type")]
     pub(crate) types: Vec<String>,
     /// Kind of timestamp that is the time of the value.
-    pub(crate) timeline: KindName,
+    pub(crate) timeline: StampKind,
     /// Timestamps of this channel, instead of those of the file.
     pub(crate) time: Option<TimeTable>,
     /// The fields.
