@@ -883,40 +883,7 @@ fn body_axes(f: &FieldTable, dimension: Dimension, frame: Option<FrameName>) -> 
 
 /// A field that the recipe does not use is a mistake of the author.
 fn no_other_fields(f: &FieldTable, slots: &[Slot<'_>]) -> Result<(), String> {
-    let all: [(&str, &Option<OneOrMore<FieldEntry>>); 31] = [
-        ("latitude", &f.latitude),
-        ("longitude", &f.longitude),
-        ("height", &f.height),
-        ("north", &f.north),
-        ("east", &f.east),
-        ("west", &f.west),
-        ("down", &f.down),
-        ("up", &f.up),
-        ("speed", &f.speed),
-        ("track", &f.track),
-        ("variation", &f.variation),
-        ("forward", &f.forward),
-        ("left", &f.left),
-        ("right", &f.right),
-        ("x", &f.x),
-        ("y", &f.y),
-        ("z", &f.z),
-        ("at_x", &f.at_x),
-        ("at_y", &f.at_y),
-        ("at_z", &f.at_z),
-        ("roll", &f.roll),
-        ("pitch", &f.pitch),
-        ("yaw", &f.yaw),
-        ("count", &f.count),
-        ("angle", &f.angle),
-        ("second", &f.second),
-        ("orientation_x", &f.orientation_x),
-        ("orientation_y", &f.orientation_y),
-        ("orientation_z", &f.orientation_z),
-        ("orientation_w", &f.orientation_w),
-        ("value", &f.value),
-    ];
-    let stray = all.iter().find(|(name, field)| field.is_some() && slots.iter().all(|slot| slot.role != *name));
+    let stray = f.all().find(|(name, field)| field.is_some() && slots.iter().all(|slot| slot.role != *name));
     stray.map_or(Ok(()), |(name, _)| Err(format!("the field {name} cannot be combined with the others")))
 }
 

@@ -325,75 +325,90 @@ impl WhenEntry {
     }
 }
 
-/// The fields of a channel. Each is one field with its unit, or a list of them. The first one that exists is read. A
-/// height that is zero in every row is used only if all other heights are zero or missing.
-#[derive(Debug, Default, Deserialize)]
-#[cfg_attr(feature = "schema", derive(JsonSchema))]
-#[serde(deny_unknown_fields, default)]
-pub(crate) struct FieldTable {
+macro_rules! field_table {
+    ($($(#[$about:meta])* $name:ident,)*) => {
+        /// The fields of a channel. Each is one field with its unit, or a list of them. The first one that exists is
+        /// read. A height that is zero in every row is used only if all other heights are zero or missing.
+        #[derive(Debug, Default, Deserialize)]
+        #[cfg_attr(feature = "schema", derive(JsonSchema))]
+        #[serde(deny_unknown_fields, default)]
+        pub(crate) struct FieldTable {
+            $($(#[$about])* pub(crate) $name: Option<OneOrMore<FieldEntry>>,)*
+        }
+
+        impl FieldTable {
+            /// Every field by its name, written or not.
+            pub(crate) fn all(&self) -> impl Iterator<Item = (&'static str, &Option<OneOrMore<FieldEntry>>)> {
+                [$((stringify!($name), &self.$name),)*].into_iter()
+            }
+        }
+    };
+}
+
+field_table! {
     /// Latitude, positive north.
-    pub(crate) latitude: Option<OneOrMore<FieldEntry>>,
+    latitude,
     /// Longitude, positive east.
-    pub(crate) longitude: Option<OneOrMore<FieldEntry>>,
+    longitude,
     /// Height, positive up.
-    pub(crate) height: Option<OneOrMore<FieldEntry>>,
+    height,
     /// North.
-    pub(crate) north: Option<OneOrMore<FieldEntry>>,
+    north,
     /// East; instead of `west`.
-    pub(crate) east: Option<OneOrMore<FieldEntry>>,
+    east,
     /// West; instead of `east`.
-    pub(crate) west: Option<OneOrMore<FieldEntry>>,
+    west,
     /// Down; instead of `up`. In body axes: along the downward axis.
-    pub(crate) down: Option<OneOrMore<FieldEntry>>,
+    down,
     /// Up; instead of `down`. In body axes: along the upward axis.
-    pub(crate) up: Option<OneOrMore<FieldEntry>>,
+    up,
     /// Speed over ground.
-    pub(crate) speed: Option<OneOrMore<FieldEntry>>,
+    speed,
     /// Direction of travel, clockwise from north: from true north, or with `variation` from magnetic north.
-    pub(crate) track: Option<OneOrMore<FieldEntry>>,
+    track,
     /// Magnetic variation, positive east: true track = magnetic track + variation.
-    pub(crate) variation: Option<OneOrMore<FieldEntry>>,
+    variation,
     /// Along the body's forward axis.
-    pub(crate) forward: Option<OneOrMore<FieldEntry>>,
+    forward,
     /// Along the body's left axis; instead of `right`.
-    pub(crate) left: Option<OneOrMore<FieldEntry>>,
+    left,
     /// Along the body's right axis; instead of `left`.
-    pub(crate) right: Option<OneOrMore<FieldEntry>>,
+    right,
     /// Along or about the first axis of `frame`.
-    pub(crate) x: Option<OneOrMore<FieldEntry>>,
+    x,
     /// Along or about the second axis of `frame`.
-    pub(crate) y: Option<OneOrMore<FieldEntry>>,
+    y,
     /// Along or about the third axis of `frame`.
-    pub(crate) z: Option<OneOrMore<FieldEntry>>,
+    z,
     /// With a velocity in the frame `ecef`: position along the first axis.
-    pub(crate) at_x: Option<OneOrMore<FieldEntry>>,
+    at_x,
     /// Position along the second axis.
-    pub(crate) at_y: Option<OneOrMore<FieldEntry>>,
+    at_y,
     /// Position along the third axis.
-    pub(crate) at_z: Option<OneOrMore<FieldEntry>>,
+    at_z,
     /// Rotation about the first axis of `frame`, the last of the three (3-2-1).
-    pub(crate) roll: Option<OneOrMore<FieldEntry>>,
+    roll,
     /// Rotation about the second axis of `frame`, the second of the three.
-    pub(crate) pitch: Option<OneOrMore<FieldEntry>>,
+    pitch,
     /// Rotation about the third axis of `frame`, the first of the three.
-    pub(crate) yaw: Option<OneOrMore<FieldEntry>>,
+    yaw,
     /// Counts of an encoder.
-    pub(crate) count: Option<OneOrMore<FieldEntry>>,
+    count,
     /// Angle of an encoder.
-    pub(crate) angle: Option<OneOrMore<FieldEntry>>,
+    angle,
     /// Second of the device's clock at a pulse, or number of the pulse.
-    pub(crate) second: Option<OneOrMore<FieldEntry>>,
+    second,
     /// Orientation: quaternion, x. For an attitude in the axes of `frame`, otherwise of the body (forward, left, up) in
     /// east, north, up.
-    pub(crate) orientation_x: Option<OneOrMore<FieldEntry>>,
+    orientation_x,
     /// Quaternion, y.
-    pub(crate) orientation_y: Option<OneOrMore<FieldEntry>>,
+    orientation_y,
     /// Quaternion, z.
-    pub(crate) orientation_z: Option<OneOrMore<FieldEntry>>,
+    orientation_z,
     /// Quaternion, scalar part.
-    pub(crate) orientation_w: Option<OneOrMore<FieldEntry>>,
+    orientation_w,
     /// Value of a scalar.
-    pub(crate) value: Option<OneOrMore<FieldEntry>>,
+    value,
 }
 
 /// One entry, or a list of them. An untagged enum of serde would not report which line is wrong, and why.
