@@ -132,7 +132,7 @@ fn scratch() -> tempfile::TempDir {
 }
 
 fn read(unit: &FlightUnit, want: &dyn Select) {
-    if let Ok(log) = in_context(|context| ingest::open(unit).read(want, context)) {
+    if let Ok(log) = in_context(|context| ingest::read(unit, want, context)) {
         assert_adds_up(&log.health.bytes);
     }
 }

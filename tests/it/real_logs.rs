@@ -294,7 +294,7 @@ fn ulog(path: &Path) -> ingest::Log {
     let want = |_: &ingest::TopicInfo| ingest::Selection::All;
     let cancel = std::sync::atomic::AtomicBool::new(false);
     let context = ingest::ReadContext { limits: ingest::Limits::default(), cancel: &cancel, on_bytes: &|_| () };
-    let log = ingest::reader_of(ingest::LogKind::Ulog, vec![path.to_owned()]).read(&want, &context).unwrap();
+    let log = ingest::read_files(ingest::LogKind::Ulog, &[path.to_owned()], &want, &context).unwrap();
     let b = &log.health.bytes;
     assert_eq!(b.sum(), b.size, "{}", path.display());
     log

@@ -118,7 +118,8 @@ impl CampaignError {
             CampaignError::TryAgain(_) | CampaignError::AllStillWritten(_) | CampaignError::Busy { .. } => {
                 Exit::TryAgain
             }
-            CampaignError::Cancelled | CampaignError::Ingest(ingest::IngestError::Cancelled) => Exit::Stopped,
+            CampaignError::Cancelled
+            | CampaignError::Ingest(ingest::IngestError::Read(ingest::ScanError::Cancelled)) => Exit::Stopped,
             _ => Exit::Failed,
         }
     }

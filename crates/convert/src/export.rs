@@ -170,7 +170,7 @@ fn channels(order: &ExportOrder<'_>, context: &ReadContext<'_>) -> Result<Read, 
 }
 
 fn topics(order: &ExportOrder<'_>, context: &ReadContext<'_>) -> Result<Read, ConvertError> {
-    let mut log = ingest::open(order.unit).read(&order.library.select_all(), context)?;
+    let mut log = ingest::read(order.unit, &order.library.select_all(), context)?;
     note_left_out(&mut log);
     note_empty(&mut log);
     let log_times = row_time::of_log(&log, order.library)?;

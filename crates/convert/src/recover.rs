@@ -96,7 +96,7 @@ pub fn recover(
     let unchanged = Unchanged::of(&unit.files)?;
     let output = Output::begin(out)?;
     let taker = Taker::new(Recording::begin(out, output.file()?, profile(unit.kind))?);
-    let mut log = ingest::open(unit).read(&taker, context)?;
+    let mut log = ingest::read(unit, &taker, context)?;
     let mut recording = taker.into_recording()?;
     let how = if log.tables.is_empty() { How::Copied } else { How::Rewritten };
     let mut notices = log.notices.clone();
@@ -231,7 +231,7 @@ impl MessageSink for Taker {
 fn check(written: &Path, out: &Path, expected: &Content, context: &ReadContext<'_>) -> Result<(), ConvertError> {
     let differs = |what: String| ConvertError::ReadsBackDifferently { path: out.to_owned(), what };
     let counter = Counter::default();
-    let log = ingest::reader_of(LogKind::Mcap, vec![written.to_owned()]).read(&counter, context)?;
+    let log = ingest::read_files(LogKind::Mcap, &[written.to_owned()], &counter, context)?;
     if let Some(damage) = log.health.damage.first() {
         return Err(differs(format!("{} at byte {}", damage.reason, damage.offset)));
     }

@@ -2,6 +2,7 @@
 //! custom types cannot be read without them. ROS 1 bags written by rosjava may lack those of nested types.
 
 use crate::error::IngestError;
+use logscan::ScanError;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::Read;
@@ -23,7 +24,7 @@ impl Definitions {
     /// The package is named by its `package.xml`, or else by its folder.
     ///
     /// # Errors
-    /// [`IngestError::Io`], also for a folder below that cannot be listed; [`IngestError::Map`] if a definition is too
+    /// [`IngestError::Read`], also for a folder below that cannot be listed; [`IngestError::Map`] if a definition is too
     /// long, or there are too many.
     pub(crate) fn add_folder(&mut self, folder: &Path) -> Result<(), IngestError> {
         let mut paths = vec![];
@@ -55,7 +56,7 @@ impl Definitions {
 }
 
 fn failed(path: &Path, source: std::io::Error) -> IngestError {
-    IngestError::Io { file: path.display().to_string(), offset: 0, source }
+    IngestError::Read(ScanError::Io { file: path.display().to_string(), offset: 0, source })
 }
 
 /// `px4_msgs/SensorGps` from a path that ends in `px4_msgs/msg/SensorGps.msg`.

@@ -7,6 +7,7 @@ use crate::map::MapLibrary;
 use crate::platform::{FileIdentity, identity};
 use crate::reader::{Limits, ReadContext};
 use crate::sniff::{self, Content, LogKind};
+use logscan::ScanError;
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::fs::{self, File, FileType};
 use std::io::Read;
@@ -46,10 +47,10 @@ pub struct FlightUnit {
 /// depend on the file system.
 ///
 /// # Errors
-/// [`IngestError::Io`] if the root itself cannot be read. What cannot be read below it is listed as unreadable, with
+/// [`IngestError::Read`] if the root itself cannot be read. What cannot be read below it is listed as unreadable, with
 /// the reason.
 pub fn discover(root: &Path, library: &MapLibrary) -> Result<Discovery, IngestError> {
-    let failed = |source| IngestError::Io { file: root.display().to_string(), offset: 0, source };
+    let failed = |source| IngestError::Read(ScanError::Io { file: root.display().to_string(), offset: 0, source });
     let about = fs::metadata(root).map_err(failed)?;
     let mut search = Search { library, found: Discovery::default(), seen: HashMap::new() };
     if about.is_dir() {

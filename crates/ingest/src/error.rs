@@ -6,16 +6,9 @@ use std::path::{Path, PathBuf};
 /// The reason why nothing of the log can be used.
 #[derive(Debug, thiserror::Error)]
 pub enum IngestError {
-    /// The file cannot be read.
-    #[error("{file}: byte {offset}: {source}")]
-    Io {
-        /// File name.
-        file: String,
-        /// Where the read started.
-        offset: u64,
-        /// The error from the system.
-        source: std::io::Error,
-    },
+    /// A file cannot be read, changed meanwhile, or the user stopped.
+    #[error(transparent)]
+    Read(#[from] ScanError),
     /// The file is not a known log.
     #[error("{file}: {what}")]
     NotALog {
@@ -31,12 +24,6 @@ pub enum IngestError {
         file: String,
         /// What is wrong.
         what: String,
-    },
-    /// The file changed while it was read.
-    #[error("{file}: the file changed while it was read")]
-    Changed {
-        /// File name.
-        file: String,
     },
     /// No channel map fits, or two fit equally.
     #[error("{0}")]
@@ -54,30 +41,16 @@ pub enum IngestError {
         /// What is wrong.
         what: String,
     },
-    /// Stopped by the user.
-    #[error("stopped")]
-    Cancelled,
 }
 
 impl IngestError {
     /// A file that cannot be opened, or has no readable size.
     pub(crate) fn of_file(path: &Path, source: std::io::Error) -> IngestError {
-        IngestError::Io { file: file_name(path), offset: 0, source }
+        ScanError::Io { file: file_name(path), offset: 0, source }.into()
     }
 }
 
 /// The file name for messages.
 pub(crate) fn file_name(path: &Path) -> String {
     path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
-}
-
-impl From<ScanError> for IngestError {
-    fn from(error: ScanError) -> IngestError {
-        match error {
-            ScanError::Io { file, offset, source } => IngestError::Io { file, offset, source },
-            ScanError::NotAFile { file } => IngestError::NotALog { file, what: "not a regular file".to_owned() },
-            ScanError::Changed { file } => IngestError::Changed { file },
-            ScanError::Cancelled => IngestError::Cancelled,
-        }
-    }
 }

@@ -31,7 +31,8 @@ pub(crate) use receiver::read as read_receiver;
 pub(crate) use tlog::{looks_like as looks_like_tlog, read as read_tlog};
 pub(crate) use ubx::looks_like as looks_like_ubx;
 pub(crate) use ulog::read as read_ulog;
-pub(crate) use unpack::{ENDINGS as PACKED_ENDINGS, Packing, UnpackingReader, members, named_text};
+pub use unpack::read;
+pub(crate) use unpack::{ENDINGS as PACKED_ENDINGS, Packing, members, named_text};
 
 use crate::bytes::is_zero;
 use crate::decode::{Tally, Topics};

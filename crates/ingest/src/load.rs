@@ -5,15 +5,16 @@ use crate::companion::companion;
 use crate::discover::FlightUnit;
 use crate::error::{IngestError, file_name};
 use crate::format::{
-    UnpackingReader, read_bag, read_dataflash, read_db3, read_mcap, read_receiver, read_tables, read_tlog, read_ulog,
+    read, read_bag, read_dataflash, read_db3, read_mcap, read_receiver, read_tables, read_tlog, read_ulog,
 };
 use crate::guess::{self, Guess};
 use crate::map::{ChannelMap, MapLibrary, MapSelect};
 use crate::platform::{FileIdentity, identity};
-use crate::reader::{Log, LogReader, ReadContext, Select, Selection, TableHead};
+use crate::reader::{Log, ReadContext, Select, Selection, TableHead};
 use crate::sniff::LogKind;
 use crate::table::TopicInfo;
 use flight::{Binding, Code, Flight, LogHealth, Quantity};
+use logscan::ScanError;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
@@ -30,37 +31,31 @@ pub struct Loaded {
     pub companion: Option<String>,
 }
 
-/// A reader for the files of a flight, packed or not. The byte ledger of a packed log counts unpacked bytes.
-#[must_use]
-pub fn open(unit: &FlightUnit) -> Box<dyn LogReader> {
-    Box::new(UnpackingReader { unit: unit.clone() })
-}
-
-/// A reader for unpacked files of one kind: one log, or several that make up one flight. Nothing is opened yet.
-#[must_use]
-pub fn reader_of(kind: LogKind, files: Vec<PathBuf>) -> Box<dyn LogReader> {
-    Box::new(FilesReader { kind, files })
-}
-
-struct FilesReader {
+/// Reads unpacked files of one kind, one log or several that make up one flight, once from the first byte to the last.
+///
+/// `want` is called once for each topic, before its first message. Damage is not an error: intact data before and after
+/// it is returned, with the damage in the health and a notice. Messages are decoded in the caller's thread. Meanwhile
+/// idle threads may decompress chunks: those of the caller's rayon pool, or else of one pool of up to four threads for
+/// all logs.
+///
+/// # Errors
+/// Only if nothing can be used, the file cannot be read, or on cancellation.
+pub fn read_files(
     kind: LogKind,
-    files: Vec<PathBuf>,
-}
-
-impl LogReader for FilesReader {
-    fn read(&mut self, want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
-        let files = self.files.as_slice();
-        match self.kind {
-            LogKind::Csv => read_tables(files, want, context),
-            LogKind::Mcap => read_mcap(files, want, context),
-            LogKind::Bag => read_bag(files, want, context),
-            LogKind::Ulog => read_ulog(files, want, context),
-            LogKind::DataFlash => read_dataflash(files, want, context),
-            LogKind::Tlog => read_tlog(files, want, context),
-            LogKind::Db3 => read_db3(files, want, context),
-            LogKind::Nmea => read_receiver(files, true, want, context),
-            LogKind::Ubx => read_receiver(files, false, want, context),
-        }
+    files: &[PathBuf],
+    want: &dyn Select,
+    context: &ReadContext<'_>,
+) -> Result<Log, IngestError> {
+    match kind {
+        LogKind::Csv => read_tables(files, want, context),
+        LogKind::Mcap => read_mcap(files, want, context),
+        LogKind::Bag => read_bag(files, want, context),
+        LogKind::Ulog => read_ulog(files, want, context),
+        LogKind::DataFlash => read_dataflash(files, want, context),
+        LogKind::Tlog => read_tlog(files, want, context),
+        LogKind::Db3 => read_db3(files, want, context),
+        LogKind::Nmea => read_receiver(files, true, want, context),
+        LogKind::Ubx => read_receiver(files, false, want, context),
     }
 }
 
@@ -69,7 +64,7 @@ impl LogReader for FilesReader {
 /// If no map fits, the health of the log is still returned, with the reason in the binding.
 ///
 /// # Errors
-/// As [`LogReader::read`]; [`IngestError::Changed`] if a file changed in the meantime;
+/// As [`read`]; [`IngestError::Read`] if a file changed in the meantime;
 /// [`IngestError::Map`] if there is no map of the name `forced`.
 pub fn load(
     unit: &FlightUnit,
@@ -79,9 +74,9 @@ pub fn load(
 ) -> Result<Loaded, IngestError> {
     let select = library.select(forced)?;
     let before = states(&unit.files)?;
-    let mut log = open(unit).read(&select, context)?;
+    let mut log = read(unit, &select, context)?;
     let unchanged = || match changed(&before, &states(&unit.files)?) {
-        Some(file) => Err(IngestError::Changed { file }),
+        Some(file) => Err(IngestError::Read(ScanError::Changed { file })),
         None => Ok(()),
     };
     unchanged()?;
@@ -94,11 +89,11 @@ pub fn load(
     let (bound, refused) = match (bound, guessed(unit, &log.heads, context)?) {
         (bound, Ok(guess)) if bound.is_err() || guess.both => {
             let map = ChannelMap::from_toml(Path::new("guess.toml"), &guess.text)?;
-            log = open(unit).read(&MapSelect::of(&map), &again(context))?;
+            log = read(unit, &MapSelect::of(&map), &again(context))?;
             (by_guess(&mut log, &guess, map), None)
         }
         (Ok(()), _) => {
-            log = open(unit).read(&select, &again(context))?;
+            log = read(unit, &select, &again(context))?;
             (bind(&mut log, library, forced), None)
         }
         (Err(error), guessed) => (Err(error), guessed.err()),
@@ -177,7 +172,7 @@ fn guessed(unit: &FlightUnit, heads: &[TableHead], context: &ReadContext<'_>) ->
         let why = guess::why_nameless(heads);
         return Ok(Err(if guess::any_headerless(heads) { NoGuess::Refused(why) } else { NoGuess::Nameless(why) }));
     };
-    let log = open(unit).read(&wanted, &again(context))?;
+    let log = read(unit, &wanted, &again(context))?;
     Ok(guess::guess(&log).map_err(NoGuess::Refused))
 }
 
@@ -204,18 +199,18 @@ fn by_guess(log: &mut Log, guess: &Guess, map: ChannelMap) -> Result<(Flight, Bi
 /// direction of its axes, with the columns of each channel. Empty if the time or the units are unknown.
 ///
 /// # Errors
-/// As [`LogReader::read`].
+/// As [`read`].
 pub fn load_orientations(unit: &FlightUnit, context: &ReadContext<'_>) -> Result<Vec<(Flight, String)>, IngestError> {
     if unit.kind != LogKind::Csv {
         return Ok(vec![]);
     }
     let nothing = |_: &TopicInfo| Selection::Skip;
-    let heads = open(unit).read(&nothing, context)?.heads;
+    let heads = read(unit, &nothing, context)?.heads;
     let Some(wanted) = guess::wanted(&heads) else { return Ok(vec![]) };
     let mut orientations = vec![];
-    for guess in guess::orientations(&open(unit).read(&wanted, context)?) {
+    for guess in guess::orientations(&read(unit, &wanted, context)?) {
         let map = ChannelMap::from_toml(Path::new("guess.toml"), &guess.text)?;
-        let mut log = open(unit).read(&MapSelect::of(&map), context)?;
+        let mut log = read(unit, &MapSelect::of(&map), context)?;
         if let Ok((flight, _)) = by_guess(&mut log, &guess, map) {
             orientations.push((flight, guess.summary));
         }
@@ -226,15 +221,15 @@ pub fn load_orientations(unit: &FlightUnit, context: &ReadContext<'_>) -> Result
 /// The channel map that [`load`] would use for a table that no map fits, as file text with the reasons as comments.
 ///
 /// # Errors
-/// As [`LogReader::read`]; [`IngestError::Map`] with the reason if there is no such map.
+/// As [`read`]; [`IngestError::Map`] with the reason if there is no such map.
 pub fn suggest(unit: &FlightUnit, context: &ReadContext<'_>) -> Result<String, IngestError> {
     if unit.kind != LogKind::Csv {
         return Err(IngestError::Map("columns are guessed for text tables only; other logs name their types".into()));
     }
     let nothing = |_: &TopicInfo| Selection::Skip;
-    let heads = open(unit).read(&nothing, context)?.heads;
+    let heads = read(unit, &nothing, context)?.heads;
     let by_names = match guess::wanted(&heads) {
-        Some(wanted) => Some(guess::guess(&open(unit).read(&wanted, context)?)),
+        Some(wanted) => Some(guess::guess(&read(unit, &wanted, context)?)),
         None => None,
     };
     if let Some(Ok(found)) = by_names {
@@ -244,7 +239,7 @@ pub fn suggest(unit: &FlightUnit, context: &ReadContext<'_>) -> Result<String, I
         let why = by_names.and_then(Result::err).unwrap_or_else(|| guess::why_nameless(&heads));
         return Err(IngestError::Map(why));
     };
-    let by_motion = guess::guess_by_motion(&open(unit).read(&wanted, context)?);
+    let by_motion = guess::guess_by_motion(&read(unit, &wanted, context)?);
     match (by_motion, by_names) {
         (Ok(found), _) => Ok(found.text),
         (Err(_), Some(Err(why))) => Err(IngestError::Map(why)),

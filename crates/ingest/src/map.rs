@@ -10,6 +10,7 @@ use crate::map_schema::{
 use crate::reader::{FieldRequest, Select, Selection, ValueKind};
 use crate::table::TopicInfo;
 use flight::{Clock, Dimension, GPS_EPOCH_UNIX_S, Quantity, StampKind, TAI_LESS_GPS_S, Unit};
+use logscan::ScanError;
 use settings::{Refused, SettingsFile};
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -488,9 +489,10 @@ impl MapLibrary {
     /// one of the same name.
     ///
     /// # Errors
-    /// [`IngestError::Io`] or [`IngestError::BadMap`]; [`IngestError::Map`] for an invalid definition.
+    /// [`IngestError::Read`] or [`IngestError::BadMap`]; [`IngestError::Map`] for an invalid definition.
     pub fn with_folder(mut self, folder: &Path) -> Result<MapLibrary, IngestError> {
-        let failed = |source| IngestError::Io { file: folder.display().to_string(), offset: 0, source };
+        let failed =
+            |source| IngestError::Read(ScanError::Io { file: folder.display().to_string(), offset: 0, source });
         if folder.is_file() {
             let above = folder.parent().filter(|above| !above.as_os_str().is_empty()).unwrap_or(Path::new("."));
             let (file, above) = (folder.display(), above.display());

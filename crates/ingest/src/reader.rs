@@ -1,25 +1,10 @@
 //! The interface of every format: columns of the wanted topics, and an account of every byte.
 
-use crate::error::IngestError;
 use crate::table::{Column, Table, TopicInfo};
 use flight::{Dimension, LogHealth, Notices};
 pub use logscan::{Limits, ReadContext};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-
-/// A log of any format, opened and recognised.
-pub trait LogReader {
-    /// Reads the log once from its first byte to its last.
-    ///
-    /// `want` is called once for each topic, before its first message. Damage is not an error: intact data before and
-    /// after it is returned, with the damage in the health and a notice. Messages are decoded in the caller's thread.
-    /// Meanwhile idle threads may decompress chunks: those of the caller's rayon pool, or else of one pool of up to
-    /// four threads for all logs.
-    ///
-    /// # Errors
-    /// Only if nothing can be used, the file cannot be read, or on cancellation.
-    fn read(&mut self, want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError>;
-}
 
 /// The content of a log.
 #[derive(Debug, Default)]

@@ -82,7 +82,7 @@ fn an_exported_mcap_holds_every_topic_with_its_values() {
     let report = exported(&log, ExportWhat::Topics, ExportTo::Mcap, &out);
     let all = |path: &Path| {
         let unit = unit(path);
-        in_context(|c| ingest::open(&unit).read(&|_: &ingest::TopicInfo| ingest::Selection::All, c)).unwrap()
+        in_context(|c| ingest::read(&unit, &|_: &ingest::TopicInfo| ingest::Selection::All, c)).unwrap()
     };
     let (before, after) = (all(&log), all(&out));
     assert_eq!(report.sheets.len(), before.tables.len());
@@ -214,7 +214,7 @@ fn hostile_names_are_read_back_from_an_exported_mcap() {
     hostile_log(&log, &names);
     exported(&log, ExportWhat::Topics, ExportTo::Mcap, &out);
     let unit = unit(&out);
-    let again = in_context(|c| ingest::open(&unit).read(&|_: &ingest::TopicInfo| ingest::Selection::All, c)).unwrap();
+    let again = in_context(|c| ingest::read(&unit, &|_: &ingest::TopicInfo| ingest::Selection::All, c)).unwrap();
     let mut found: Vec<&str> = again.tables.iter().map(|t| t.topic.name.as_str()).collect();
     let mut expected: Vec<&str> = names.iter().map(String::as_str).collect();
     found.sort_unstable();
@@ -268,7 +268,7 @@ fn provenance(folder: &Path) -> serde_json::Value {
 /// The tables of an MCAP.
 fn tables(path: &Path) -> Vec<ingest::Table> {
     let unit = unit(path);
-    in_context(|c| ingest::open(&unit).read(&|_: &ingest::TopicInfo| ingest::Selection::All, c)).unwrap().tables
+    in_context(|c| ingest::read(&unit, &|_: &ingest::TopicInfo| ingest::Selection::All, c)).unwrap().tables
 }
 
 #[test]
@@ -559,7 +559,10 @@ fn an_aborted_export_leaves_nothing_and_keeps_the_earlier_one() {
     let folder = tempfile::tempdir().unwrap();
     let log = mcap(folder.path());
     let out = folder.path().join("tables");
-    assert!(matches!(stopped(&log, &out), convert::ConvertError::Log(ingest::IngestError::Cancelled)));
+    assert!(matches!(
+        stopped(&log, &out),
+        convert::ConvertError::Log(ingest::IngestError::Read(ingest::ScanError::Cancelled))
+    ));
     assert!(!out.exists());
     exported(&log, ExportWhat::Channels, ExportTo::Csv, &out);
     let held = || files(&out).into_iter().map(|name| std::fs::read(out.join(name)).unwrap()).collect::<Vec<_>>();
@@ -596,7 +599,10 @@ fn a_stop_request_while_writing_rows_is_honoured_and_cleans_up() {
             None => convert::recover(&unit, library, &out, &context).map(drop),
         };
         let stopped = stopped.expect_err("heard");
-        assert!(matches!(stopped, convert::ConvertError::Log(ingest::IngestError::Cancelled)), "{kind:?}: {stopped}");
+        assert!(
+            matches!(stopped, convert::ConvertError::Log(ingest::IngestError::Read(ingest::ScanError::Cancelled))),
+            "{kind:?}: {stopped}"
+        );
         assert_eq!(files(folder.path()), ["log.csv"], "{kind:?}");
     }
 }

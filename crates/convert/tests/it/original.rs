@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 /// Everything found in a log, except its container.
 fn tables(log: &Path) -> Vec<Table> {
     let unit = unit(log);
-    in_context(|c| ingest::open(&unit).read(&|_: &TopicInfo| Selection::All, c)).unwrap().tables
+    in_context(|c| ingest::read(&unit, &|_: &TopicInfo| Selection::All, c)).unwrap().tables
 }
 
 /// Makes the tables of a recovered log comparable with the original. Two things differ: MCAP has a publish time even if

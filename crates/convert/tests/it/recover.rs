@@ -84,7 +84,7 @@ fn formats_with_private_messages_are_recovered_as_typed_tables() {
 
 fn tables(log: &Path) -> Vec<Table> {
     let unit = unit(log);
-    in_context(|c| ingest::open(&unit).read(&|_: &TopicInfo| Selection::All, c)).unwrap().tables
+    in_context(|c| ingest::read(&unit, &|_: &TopicInfo| Selection::All, c)).unwrap().tables
 }
 
 #[test]

@@ -20,7 +20,7 @@ pub fn read() -> Result<Log, Box<dyn Error>> {
     let context = ReadContext { limits: Limits::default(), cancel: &cancel, on_bytes: &|_| {} };
     let found = ingest::discover(&path, &MapLibrary::default())?;
     let unit = found.units.first().ok_or_else(|| format!("no log: {:?}", found.ignored))?;
-    Ok(ingest::open(unit).read(&want, &context)?)
+    Ok(ingest::read(unit, &want, &context)?)
 }
 
 /// A topic, and what is wanted of it.

@@ -5,6 +5,7 @@ use super::yaml::{self, ELEMENT};
 use crate::error::{IngestError, file_name};
 use crate::reader::Log;
 use flight::{Code, Notices, Severity};
+use logscan::ScanError;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::Read;
@@ -49,7 +50,7 @@ impl Metadata {
         let is_metadata = |path: &&PathBuf| path.file_name().is_some_and(|name| name == NAME);
         let Some(found) = files.iter().find(is_metadata) else { return Ok((None, files.to_vec())) };
         let rest = files.iter().filter(|path| *path != found).cloned().collect();
-        let failed = |source| IngestError::Io { file: NAME.to_owned(), offset: 0, source };
+        let failed = |source| IngestError::Read(ScanError::Io { file: NAME.to_owned(), offset: 0, source });
         let bytes = std::fs::metadata(found).map_err(failed)?.len();
         let metadata = Metadata::read(found).map_err(failed)?;
         Ok((Some(metadata.unwrap_or_else(|| Metadata::of_something_else(bytes))), rest))

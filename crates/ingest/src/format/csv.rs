@@ -31,7 +31,7 @@ use crate::format::workers::Workers;
 use crate::reader::{Limits, Log, ReadContext, Select, Selection};
 use crate::table::{Table, TopicInfo};
 use flight::{Code, LogHealth, Notices, Severity};
-use logscan::{Fate, Ledger};
+use logscan::{Fate, Ledger, ScanError};
 use std::collections::{HashMap, HashSet};
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
@@ -161,7 +161,7 @@ struct Open<'a> {
 impl<'a> Open<'a> {
     fn new(path: &Path, name: &'a str, size: u64, context: &'a ReadContext<'a>) -> Result<Open<'a>, IngestError> {
         let (mut file, _) = open(path)?;
-        let failed = |source| IngestError::Io { file: name.to_owned(), offset: 0, source };
+        let failed = |source| IngestError::Read(ScanError::Io { file: name.to_owned(), offset: 0, source });
         let mut first = vec![];
         file.by_ref().take(BOM.len() as u64).read_to_end(&mut first).map_err(failed)?;
         let skipped = if first == BOM { BOM.len() as u64 } else { 0 };
@@ -657,7 +657,9 @@ fn head_of(file: &File, name: &str, context: &ReadContext<'_>) -> Result<Vec<u8>
     let mut head = vec![];
     let read = |bytes: u64, head: &mut Vec<u8>| {
         let offset = head.len() as u64;
-        file.take(bytes).read_to_end(head).map_err(|source| IngestError::Io { file: name.to_owned(), offset, source })
+        file.take(bytes)
+            .read_to_end(head)
+            .map_err(|source| IngestError::Read(ScanError::Io { file: name.to_owned(), offset, source }))
     };
     read(HEAD, &mut head)?;
     if memchr::memchr2(b'\n', b'\r', &head).is_none() {

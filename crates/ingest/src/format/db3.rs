@@ -30,7 +30,7 @@ use crate::reader::{Extra, Log, ReadContext, Select};
 use crate::table::TopicInfo;
 use flight::{Code, Notices, Severity};
 use logscan::LogFile;
-use logscan::{Fate, Ledger};
+use logscan::{Fate, Ledger, ScanError};
 use std::collections::{BTreeMap, HashMap};
 use std::fs::File;
 use std::io::Read;
@@ -159,7 +159,7 @@ impl Source {
 }
 
 fn open(path: &Path, name: &str) -> Result<File, IngestError> {
-    File::open(path).map_err(|source| IngestError::Io { file: name.to_owned(), offset: 0, source })
+    File::open(path).map_err(|source| IngestError::Read(ScanError::Io { file: name.to_owned(), offset: 0, source }))
 }
 
 fn raise_wal(wal: &Wal, notices: &mut Notices) {

@@ -12,13 +12,14 @@ use super::inflate::SKIPPABLE_LZ4;
 use crate::bytes::{Bytes, is_zero};
 use crate::discover::FlightUnit;
 use crate::error::{IngestError, file_name};
-use crate::load::reader_of;
-use crate::reader::{Log, LogReader, ReadContext, Select};
+use crate::load::read_files;
+use crate::reader::{Log, ReadContext, Select};
 use crate::sniff::LogKind;
 use crate::sniff::{self, Content};
 use bzip2::bufread::BzDecoder;
 use flate2::bufread::GzDecoder;
 use flight::{Code, Notices};
+use logscan::ScanError;
 use lz4_flex::frame::FrameDecoder;
 use std::cell::Cell;
 use std::fs::File;
@@ -317,38 +318,36 @@ impl<R: BufRead, D: Part<R>> Read for Parts<R, D> {
     }
 }
 
-/// Reads a unit, unpacking its files first where they are packed.
-pub(crate) struct UnpackingReader {
-    pub(crate) unit: FlightUnit,
-}
-
-impl LogReader for UnpackingReader {
-    fn read(&mut self, want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
-        let packings = self.unit.files.iter().map(|path| packing_of(path)).collect::<Result<Vec<_>, _>>()?;
-        let Some(first) = packings.iter().flatten().next().copied() else {
-            return reader_of(self.unit.kind, self.unit.files.clone()).read(want, context);
-        };
-        let mut unpacking = Unpacking::new(self.unit.kind, context)?;
-        let packed = |(path, packing): (&PathBuf, &Option<Packing>)| Some((path.clone(), (*packing)?));
-        let packed: Vec<_> = self.unit.files.iter().zip(&packings).filter_map(packed).collect();
-        for (path, packing) in self.unit.files.iter().zip(&packings) {
-            match packing {
-                // It is unpacked along with its database.
-                None if packed.iter().any(|(packed, packing)| *path == newest_pages(packed, *packing)) => {}
-                None => unpacking.files.push(path.clone()),
-                Some(packing) => unpacking.file(path, *packing)?,
-            }
+/// Reads the files of a flight as [`read_files`], unpacking them first where they are packed. The byte ledger of a packed
+/// log counts unpacked bytes.
+///
+/// # Errors
+/// As [`read_files`].
+pub fn read(unit: &FlightUnit, want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
+    let packings = unit.files.iter().map(|path| packing_of(path)).collect::<Result<Vec<_>, _>>()?;
+    let Some(first) = packings.iter().flatten().next().copied() else {
+        return read_files(unit.kind, &unit.files, want, context);
+    };
+    let mut unpacking = Unpacking::new(unit.kind, context)?;
+    let packed = |(path, packing): (&PathBuf, &Option<Packing>)| Some((path.clone(), (*packing)?));
+    let packed: Vec<_> = unit.files.iter().zip(&packings).filter_map(packed).collect();
+    for (path, packing) in unit.files.iter().zip(&packings) {
+        match packing {
+            // It is unpacked along with its database.
+            None if packed.iter().any(|(packed, packing)| *path == newest_pages(packed, *packing)) => {}
+            None => unpacking.files.push(path.clone()),
+            Some(packing) => unpacking.file(path, *packing)?,
         }
-        // The progress is that of the packed bytes, which have been read.
-        let plain = packings.iter().all(Option::is_some);
-        let quiet = ReadContext { limits: context.limits, cancel: context.cancel, on_bytes: &|_| () };
-        let mut log = reader_of(self.unit.kind, unpacking.files).read(want, if plain { &quiet } else { context })?;
-        log.health.format = format!("{}, in {}", log.health.format, first.name());
-        let mut notices = unpacking.notices;
-        notices.extend(log.notices);
-        log.notices = notices;
-        Ok(log)
     }
+    // The progress is that of the packed bytes, which have been read.
+    let plain = packings.iter().all(Option::is_some);
+    let quiet = ReadContext { limits: context.limits, cancel: context.cancel, on_bytes: &|_| () };
+    let mut log = read_files(unit.kind, &unpacking.files, want, if plain { &quiet } else { context })?;
+    log.health.format = format!("{}, in {}", log.health.format, first.name());
+    let mut notices = unpacking.notices;
+    notices.extend(log.notices);
+    log.notices = notices;
+    Ok(log)
 }
 
 /// SQLite's sidecars of a database that was packed later.
@@ -484,7 +483,7 @@ impl<'c> Unpacking<'c> {
                 Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
                 // The disk or network failed, not the log: another attempt may get all of it.
                 Err(source) if source.raw_os_error().is_some() => {
-                    return Err(IngestError::Io { file: file_name(path), offset: at.get(), source });
+                    return Err(IngestError::Read(ScanError::Io { file: file_name(path), offset: at.get(), source }));
                 }
                 Err(error) => break Some(fault_of(&error, packing)),
             };

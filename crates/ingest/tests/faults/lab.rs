@@ -113,7 +113,7 @@ impl Lab {
         MEMORY.reset_peak_usage();
         let before = MEMORY.current_usage();
         let start = Instant::now();
-        let read = catch_unwind(AssertUnwindSafe(|| ingest::open(&subject.unit).read(want, &context)));
+        let read = catch_unwind(AssertUnwindSafe(|| ingest::read(&subject.unit, want, &context)));
         self.slowest = self.slowest.max(start.elapsed());
         self.cases += 1;
         let Ok(read) = read else { panic!("{case}: reading panics") };

@@ -56,7 +56,7 @@ impl Moving {
     }
 
     fn read(&self, act: fn(&Moving)) -> Result<Log, IngestError> {
-        self.while_read(act, |context| ingest::open(&self.unit).read(&|_: &TopicInfo| Selection::All, context)).0
+        self.while_read(act, |context| ingest::read(&self.unit, &|_: &TopicInfo| Selection::All, context)).0
     }
 }
 

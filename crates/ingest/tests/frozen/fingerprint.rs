@@ -15,7 +15,7 @@ pub fn in_context<T>(body: impl FnOnce(&ReadContext<'_>) -> T) -> T {
 
 /// The whole content of the log.
 pub fn read(unit: &FlightUnit) -> Result<Log, IngestError> {
-    in_context(|context| ingest::open(unit).read(&|_: &TopicInfo| Selection::All, context))
+    in_context(|context| ingest::read(unit, &|_: &TopicInfo| Selection::All, context))
 }
 
 /// Of an intact log a hash of all columns and one of all channels; of a damaged one how many rows and channels there are;

@@ -2,7 +2,7 @@
 
 use crate::made::{
     BagCodec, CAMERA, Encoding, FIX, OnDisk, Sent, assert_balanced, assert_received, assert_subset, bag, check_cuts,
-    each_damage, flight, lost, notice, reader,
+    each_damage, flight, lost, notice, read_at,
 };
 use crate::support::{in_context, real_logs};
 use ingest::{Log, Selection, TopicInfo};
@@ -10,7 +10,7 @@ use std::path::Path;
 
 fn read_all(path: &Path) -> Log {
     let is_bag = path.extension().is_some_and(|e| e == "bag");
-    let log = in_context(|c| reader(path.to_owned(), is_bag).read(&|_: &TopicInfo| Selection::All, c)).unwrap();
+    let log = in_context(|c| read_at(path.to_owned(), is_bag, &|_: &TopicInfo| Selection::All, c)).unwrap();
     assert_balanced(&log);
     log
 }

@@ -437,8 +437,7 @@ fn log_times_at_the_end_of_64_bits_do_not_panic() {
     // Unsigned, minus one is the largest: the year 2554.
     let (_folder, path) = file("log", &made::mcap(&sent, Encoding::Cdr, Layout::PLAIN));
     let want = |_: &ingest::TopicInfo| ingest::Selection::All;
-    let mut reader = made::reader(path, false);
-    let log = in_context(|context| reader.read(&want, context)).unwrap();
+    let log = in_context(|context| made::read_at(path, false, &want, context)).unwrap();
     let stamps = log.tables[0].logged_ns.as_ref().unwrap();
     assert_eq!(stamps.iter().filter(|s| **s == i64::MAX).count(), 4);
 }

@@ -10,7 +10,7 @@ use simulate::Container;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-const READER: Reader = |path| ingest::reader_of(ingest::LogKind::DataFlash, vec![path]);
+const READER: ingest::LogKind = ingest::LogKind::DataFlash;
 
 fn record(id: u8, fields: &[&[u8]]) -> Vec<u8> {
     dataflash_record(id, &fields.concat())
@@ -45,10 +45,8 @@ fn real_logs_have_the_message_counts_of_pymavlink() {
     ] {
         let Some(path) = real_logs(path) else { return };
         let want = |_: &TopicInfo| Selection::Skip;
-        let log = in_context(|context| {
-            ingest::reader_of(ingest::LogKind::DataFlash, vec![path.clone()]).read(&want, context)
-        })
-        .unwrap();
+        let log = in_context(|context| ingest::read_files(ingest::LogKind::DataFlash, &[path.clone()], &want, context))
+            .unwrap();
         assert_balanced(&log, std::fs::metadata(&path).unwrap().len() as usize);
         let used = log.health.topics.iter().filter(|t| t.messages > 0).count();
         assert_eq!((log.health.messages, used, log.health.undecodable), (messages, topics, 0), "{}", path.display());

@@ -6,7 +6,7 @@ use crate::made::{
 };
 use crate::support::{in_context, real_logs, with_limits};
 use flight::Severity;
-use ingest::{FlightUnit, IngestError, Limits, Log, LogKind, MapLibrary, Selection, TopicInfo, discover, open};
+use ingest::{FlightUnit, IngestError, Limits, Log, LogKind, MapLibrary, ScanError, Selection, TopicInfo, discover};
 use rusqlite::{Connection, MAIN_DB, params};
 use simulate::{Container, Db3Compression, Db3Layout, Db3Settings, FlightSettings, McapEncoding, McapSettings};
 use std::fs;
@@ -62,7 +62,7 @@ fn bag(sent: &[Sent], image: usize, pragmas: &str) -> Vec<u8> {
 
 fn read_files(files: &[PathBuf]) -> Result<Log, IngestError> {
     let want = |topic: &TopicInfo| if topic.name == FIX { Selection::All } else { Selection::Skip };
-    let log = in_context(|context| ingest::reader_of(ingest::LogKind::Db3, files.to_vec()).read(&want, context))?;
+    let log = in_context(|context| ingest::read_files(ingest::LogKind::Db3, files, &want, context))?;
     assert_balanced(&log);
     Ok(log)
 }
@@ -640,7 +640,7 @@ fn a_row_that_claims_too_much_costs_only_itself() {
     let limits = Limits { record_bytes: 1000, ..Limits::default() };
     let disk = OnDisk::new(&content, false);
     let log = with_limits(limits, |c| {
-        ingest::reader_of(ingest::LogKind::Db3, vec![disk.path()]).read(&|_: &TopicInfo| Selection::All, c)
+        ingest::read_files(ingest::LogKind::Db3, &[disk.path()], &|_: &TopicInfo| Selection::All, c)
     })
     .unwrap();
     assert!(notice(&log, "corrupt").count >= 60, "{:?}", log.notices);
@@ -676,10 +676,9 @@ fn a_bag_without_definitions_uses_common_ones_if_they_fit() {
         connection.execute("INSERT INTO messages VALUES (NULL,?1,?2,?3)", params![id as i64 + 1, 10, data]).unwrap();
     }
     let disk = OnDisk::new(&connection.serialize(MAIN_DB).unwrap(), false);
-    let log = in_context(|c| {
-        ingest::reader_of(ingest::LogKind::Db3, vec![disk.path()]).read(&|_: &TopicInfo| Selection::All, c)
-    })
-    .unwrap();
+    let log =
+        in_context(|c| ingest::read_files(ingest::LogKind::Db3, &[disk.path()], &|_: &TopicInfo| Selection::All, c))
+            .unwrap();
     assert_eq!(log.tables.len(), 1);
     let column = |path: &str| log.tables[0].column(path).unwrap();
     assert_eq!(column("vector.z").number(0), Some(3.25));
@@ -709,8 +708,7 @@ fn a_broken_compressed_message_is_a_loss_and_a_bomb_is_rejected() {
     let limits = Limits { chunk_bytes: 1 << 20, ..Limits::default() };
     let disk = OnDisk::new(&connection.serialize(MAIN_DB).unwrap(), false);
     let want = |topic: &TopicInfo| if topic.name == FIX { Selection::All } else { Selection::Skip };
-    let log =
-        with_limits(limits, |c| ingest::reader_of(ingest::LogKind::Db3, vec![disk.path()]).read(&want, c)).unwrap();
+    let log = with_limits(limits, |c| ingest::read_files(ingest::LogKind::Db3, &[disk.path()], &want, c)).unwrap();
     assert_eq!((log.tables[0].rows, log.health.undecodable, notice(&log, "undecodable").count), (21, 4, 4));
     assert_eq!(log.health.messages, 65);
 }
@@ -736,7 +734,7 @@ fn written(container: Container) -> tempfile::TempDir {
 }
 
 fn whole(unit: &FlightUnit) -> Log {
-    let log = in_context(|context| open(unit).read(&|_: &TopicInfo| Selection::All, context)).unwrap();
+    let log = in_context(|context| ingest::read(unit, &|_: &TopicInfo| Selection::All, context)).unwrap();
     assert_balanced(&log);
     log
 }
@@ -814,7 +812,7 @@ fn several_mcaps_of_one_recording_are_one_flight() {
     }
     let read = |unit: &FlightUnit| {
         let want = |topic: &TopicInfo| if topic.name == FIX { Selection::All } else { Selection::Skip };
-        let log = in_context(|context| open(unit).read(&want, context)).unwrap();
+        let log = in_context(|context| ingest::read(unit, &want, context)).unwrap();
         assert_balanced(&log);
         log
     };
@@ -839,9 +837,8 @@ fn a_reader_stops_on_request() {
     let cancel = std::sync::atomic::AtomicBool::new(false);
     let stop = |_| cancel.store(true, std::sync::atomic::Ordering::Relaxed);
     let context = ingest::ReadContext { limits: Limits::default(), cancel: &cancel, on_bytes: &stop };
-    let result =
-        ingest::reader_of(ingest::LogKind::Db3, vec![disk.path()]).read(&|_: &TopicInfo| Selection::All, &context);
-    assert!(matches!(result, Err(IngestError::Cancelled)));
+    let result = ingest::read_files(ingest::LogKind::Db3, &[disk.path()], &|_: &TopicInfo| Selection::All, &context);
+    assert!(matches!(result, Err(IngestError::Read(ScanError::Cancelled))));
 }
 
 #[test]

@@ -67,10 +67,8 @@ fn flight_with(change: &dyn Fn(&str, String) -> String) -> Log {
 }
 
 fn read(bag: &[u8], library: &MapLibrary) -> Log {
-    in_context(|c| {
-        ingest::reader_of(ingest::LogKind::Bag, vec![OnDisk::new(bag, true).path()]).read(&library.select_all(), c)
-    })
-    .unwrap()
+    in_context(|c| ingest::read_files(ingest::LogKind::Bag, &[OnDisk::new(bag, true).path()], &library.select_all(), c))
+        .unwrap()
 }
 
 /// A definition without the part of one type.

@@ -517,7 +517,7 @@ fn row_times_for_a_table_are_those_of_their_boot() {
     let (_folder, path) = file("log", &bytes);
     let unit = FlightUnit { id: "log".into(), files: vec![path], kind: LogKind::DataFlash };
     let want = |_: &ingest::TopicInfo| ingest::Selection::All;
-    let log = in_context(|context| ingest::open(&unit).read(&want, context)).unwrap();
+    let log = in_context(|context| ingest::read(&unit, &want, context)).unwrap();
     let times = ingest::row_times(&log, &MapLibrary::shipped().unwrap()).unwrap();
     let at = log.tables.iter().position(|t| t.topic.name == "GPS").unwrap();
     let table = times.tables[at].as_ref().unwrap();

@@ -80,7 +80,7 @@ fn text_sentences_are_reported_like_a_version_message() {
     let texts =
         ["GPTXT,01,01,02,HW  UBX-M8030   00080000", "GPTXT,01,01,02,FWVER=SPG 3.01", "GPTXT,01,01,02,PROTVER=18.00"];
     let lines: String = texts.into_iter().chain([fix; 3]).map(|text| format!("{}\r\n", sealed(text))).collect();
-    let log = read_bytes(|path| ingest::reader_of(ingest::LogKind::Nmea, vec![path]), lines.as_bytes()).unwrap();
+    let log = read_bytes(ingest::LogKind::Nmea, lines.as_bytes()).unwrap();
     let found: Vec<String> = log.health.about.receiver_identities.iter().map(words).collect();
     assert_eq!(found, ["1: u-blox M8 | SPG 3.01 | NMEA, version 18.00 | - Hz | - baud"]);
 }

@@ -188,7 +188,7 @@ fn tlog_record<D: Dialect>(dialect: &D, version: MavlinkVersion, message: &D::Me
 }
 
 fn read_tlog(bytes: &[u8]) -> Log {
-    read_bytes(|path| ingest::reader_of(ingest::LogKind::Tlog, vec![path]), bytes).unwrap()
+    read_bytes(ingest::LogKind::Tlog, bytes).unwrap()
 }
 
 /// Every message in both versions of the protocol: from named values, from any bits, and from fewer bytes, as MAVLink 2
@@ -390,7 +390,7 @@ const UBX: [(u8, u8, &str, usize); 15] = [
     (0x28, 0x02, "HNR-INS", 36),
 ];
 fn read_ubx(bytes: &[u8]) -> Log {
-    read_bytes(|path| ingest::reader_of(ingest::LogKind::Ubx, vec![path]), bytes).unwrap()
+    read_bytes(ingest::LogKind::Ubx, bytes).unwrap()
 }
 
 /// Columns that our reader puts before the fields of a message.
@@ -566,7 +566,7 @@ fn values_of_sentence(parsed: &ParseResult) -> (&'static str, Time, Vec<(&'stati
 }
 
 fn read_nmea(lines: &[Vec<u8>]) -> Log {
-    read_bytes(|path| ingest::reader_of(ingest::LogKind::Nmea, vec![path]), &lines.join(&b"\r\n"[..])).unwrap()
+    read_bytes(ingest::LogKind::Nmea, &lines.join(&b"\r\n"[..])).unwrap()
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use crate::support::in_context;
 use flight::Severity;
-use ingest::{ColumnData, IngestError, Log, LogReader, Selection, Table, TopicInfo};
+use ingest::{ColumnData, IngestError, Log, LogKind, ReadContext, Select, Selection, Table, TopicInfo};
 use mcap::Compression;
 use mcap::records::MessageHeader;
 use std::collections::BTreeMap;
@@ -330,18 +330,14 @@ impl OnDisk {
     }
 
     pub fn read_where(&self, want: impl Fn(&TopicInfo) -> Selection) -> Result<Log, IngestError> {
-        let log = in_context(|context| reader(self.path(), self.is_bag).read(&want, context))?;
+        let log = in_context(|context| read_at(self.path(), self.is_bag, &want, context))?;
         assert_balanced(&log);
         Ok(log)
     }
 }
 
-pub fn reader(path: PathBuf, is_bag: bool) -> Box<dyn LogReader> {
-    if is_bag {
-        ingest::reader_of(ingest::LogKind::Bag, vec![path])
-    } else {
-        ingest::reader_of(ingest::LogKind::Mcap, vec![path])
-    }
+pub fn read_at(path: PathBuf, is_bag: bool, want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
+    ingest::read_files(if is_bag { LogKind::Bag } else { LogKind::Mcap }, &[path], want, context)
 }
 
 /// Calls `body` with `cases` copies of `content`, each with one stretch zeroed, filled, scrambled, cut

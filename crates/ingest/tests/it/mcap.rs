@@ -2,10 +2,10 @@
 
 use crate::made::{
     CAMERA, Encoding, FIX, Layout, OnDisk, Sent, assert_balanced, assert_received, assert_subset, check_cuts,
-    each_damage, flight, lost, mcap, mcap_with, notice, reader,
+    each_damage, flight, lost, mcap, mcap_with, notice, read_at,
 };
 use crate::support::{in_context, real_logs, with_limits};
-use ingest::{FieldRequest, IngestError, Limits, MapLibrary, ReadContext, Selection, TopicInfo, ValueKind};
+use ingest::{FieldRequest, IngestError, Limits, MapLibrary, ReadContext, ScanError, Selection, TopicInfo, ValueKind};
 use mcap::records::{MessageHeader, op};
 use serde_json::Value;
 use std::borrow::Cow;
@@ -38,7 +38,7 @@ fn the_conformance_files_are_whole_for_the_reader_too() {
     let files = with_extension(&folder, "mcap");
     assert_eq!(files.len(), 416);
     for file in files {
-        let log = in_context(|c| reader(file.clone(), false).read(&|_: &TopicInfo| Selection::All, c)).unwrap();
+        let log = in_context(|c| read_at(file.clone(), false, &|_: &TopicInfo| Selection::All, c)).unwrap();
         assert_balanced(&log);
         assert!(!lost(&log), "{}: {:?}", file.display(), log.notices);
         let messages = expected(&file).iter().filter(|r| r["type"] == "Message").count() as u64;
@@ -145,7 +145,7 @@ fn damage_in_unwanted_topics_is_found_if_no_chunk_may_be_skipped() {
     let read = |may_leave_closed| {
         let want = |topic: &TopicInfo| if topic.name == FIX { Selection::All } else { Selection::Skip };
         let limits = Limits { may_leave_closed, ..Limits::default() };
-        with_limits(limits, |context| ingest::reader_of(ingest::LogKind::Mcap, vec![disk.path()]).read(&want, context))
+        with_limits(limits, |context| ingest::read_files(ingest::LogKind::Mcap, &[disk.path()], &want, context))
             .unwrap()
     };
     let (quick, whole) = (read(true), read(false));
@@ -569,8 +569,7 @@ fn a_chunk_beyond_the_limit_is_rejected_and_the_limit_named() {
     let content = mcap(&sent, Encoding::Ros1, Layout { chunk_bytes: 1 << 20, ..Layout::ZSTD });
     let disk = OnDisk::new(&content, false);
     let limits = Limits { chunk_bytes: 1000, ..Limits::default() };
-    let error =
-        with_limits(limits, |c| reader(disk.path(), false).read(&|_: &TopicInfo| Selection::All, c)).unwrap_err();
+    let error = with_limits(limits, |c| read_at(disk.path(), false, &|_: &TopicInfo| Selection::All, c)).unwrap_err();
     assert!(matches!(error, IngestError::Unusable { .. }));
     assert!(error.to_string().contains("larger than the limit of 1000"), "{error}");
 }
@@ -579,7 +578,7 @@ fn a_chunk_beyond_the_limit_is_rejected_and_the_limit_named() {
 fn topics_beyond_the_limit_are_rejected_and_their_messages_counted() {
     let disk = OnDisk::new(&mcap(&flight(5), Encoding::Ros1, Layout::UNCHUNKED), false);
     let limits = Limits { topics: 1, ..Limits::default() };
-    let log = with_limits(limits, |c| reader(disk.path(), false).read(&|_: &TopicInfo| Selection::All, c)).unwrap();
+    let log = with_limits(limits, |c| read_at(disk.path(), false, &|_: &TopicInfo| Selection::All, c)).unwrap();
     let refused = notice(&log, "undecodable");
     assert!(refused.text.contains("more than 1 topics"), "{}", refused.text);
     assert_eq!(log.health.messages + refused.count, 15);
@@ -630,7 +629,7 @@ fn a_message_of_a_channel_with_a_failed_redefinition_is_not_read() {
     };
     let read = |content: &[u8]| {
         let disk = OnDisk::new(content, false);
-        with_limits(Limits::default(), |c| reader(disk.path(), false).read(&|_: &TopicInfo| Selection::All, c))
+        with_limits(Limits::default(), |c| read_at(disk.path(), false, &|_: &TopicInfo| Selection::All, c))
     };
     let log = read(&content(1000)).unwrap();
     assert_eq!(log.tables.iter().map(|t| t.topic.name.as_str()).collect::<Vec<_>>(), ["/1000"]);
@@ -663,15 +662,15 @@ fn progress_adds_up_to_the_file_and_a_stop_request_is_honoured() {
         reported.fetch_add(more, Ordering::Relaxed);
     };
     let context = ReadContext { limits: Limits::default(), cancel: &cancel, on_bytes: &on_bytes };
-    reader(disk.path(), false).read(&|_: &TopicInfo| Selection::Skip, &context).unwrap();
+    read_at(disk.path(), false, &|_: &TopicInfo| Selection::Skip, &context).unwrap();
     assert_eq!(reported.swap(0, Ordering::Relaxed), content.len() as u64);
     let stop = |more| {
         reported.fetch_add(more, Ordering::Relaxed);
         cancel.store(true, Ordering::Relaxed);
     };
     let context = ReadContext { on_bytes: &stop, ..context };
-    let result = reader(disk.path(), false).read(&|_: &TopicInfo| Selection::Skip, &context);
-    assert!(matches!(result, Err(IngestError::Cancelled)));
+    let result = read_at(disk.path(), false, &|_: &TopicInfo| Selection::Skip, &context);
+    assert!(matches!(result, Err(IngestError::Read(ScanError::Cancelled))));
     assert!(reported.load(Ordering::Relaxed) < 2 << 20);
 }
 
@@ -703,7 +702,7 @@ fn the_other_real_files_have_the_counts_of_the_python_library() {
     ] {
         let Some(path) = real_logs(file) else { continue };
         // Without JSON fields the topics of keelson are wanted and refused, so its chunks stay closed.
-        let log = in_context(|c| reader(path, false).read(&|_: &TopicInfo| Selection::All, c)).unwrap();
+        let log = in_context(|c| read_at(path, false, &|_: &TopicInfo| Selection::All, c)).unwrap();
         assert_balanced(&log);
         assert!(!lost(&log), "{file}: {:?}", log.notices);
         let payload: u64 = log.health.topics.iter().map(|t| t.payload_bytes).sum();
@@ -711,7 +710,7 @@ fn the_other_real_files_have_the_counts_of_the_python_library() {
         assert!(payload == bytes || file.starts_with("keelson"), "{file}: {payload}");
     }
     let Some(path) = real_logs("mcap-crate/chunk_not_closed.mcap") else { return };
-    let error = in_context(|c| reader(path, false).read(&|_: &TopicInfo| Selection::All, c)).unwrap_err();
+    let error = in_context(|c| read_at(path, false, &|_: &TopicInfo| Selection::All, c)).unwrap_err();
     assert!(error.to_string().contains("a truncated chunk"), "{error}");
 }
 
@@ -838,8 +837,7 @@ fn a_definition_in_a_map_folder_is_read_with_its_dependencies() {
     let read = |type_name: &str, payload: &[u8]| {
         let content = of_channel((type_name, "", b""), "cdr", &[(one.clone(), payload.to_vec())]);
         in_context(|c| {
-            ingest::reader_of(ingest::LogKind::Mcap, vec![OnDisk::new(&content, false).path()])
-                .read(&library.select_all(), c)
+            ingest::read_files(ingest::LogKind::Mcap, &[OnDisk::new(&content, false).path()], &library.select_all(), c)
         })
         .unwrap()
     };
@@ -875,7 +873,7 @@ fn copied_messages_get_a_common_definition_in_a_portable_language() {
     let one = flight(1)[0].clone();
     let content = of_channel(("geometry_msgs/msg/Vector3", "", b""), "cdr", &[(one, vec![0, 1, 0, 0])]);
     let (disk, languages) = (OnDisk::new(&content, false), Languages::default());
-    in_context(|c| reader(disk.path(), false).read(&languages, c)).unwrap();
+    in_context(|c| read_at(disk.path(), false, &languages, c)).unwrap();
     let got = languages.0.into_inner().unwrap();
     assert!(matches!(got.as_slice(), [(language, length)] if language == "ros2msg" && *length > 20), "{got:?}");
 }
@@ -900,7 +898,7 @@ fn the_last_message_before_the_end_a_cut_or_a_private_record_is_kept() {
         let bytes = [&start, &ten, &message(b"{\"x\":2}"), tail].map(Vec::as_slice).concat();
         let disk = OnDisk::new(&bytes, false);
         let all = |_: &TopicInfo| Selection::All;
-        let log = with_limits(Limits::default(), |c| reader(disk.path(), false).read(&all, c)).unwrap();
+        let log = with_limits(Limits::default(), |c| read_at(disk.path(), false, &all, c)).unwrap();
         let case = format!("before {what}: {:?}", log.notices);
         assert_eq!(log.health.topics[0].messages, 11 + more, "{case}");
         let damaged = if *more > 0 { 0 } else { tail.len() as u64 };
@@ -927,7 +925,7 @@ fn a_wrong_length_into_a_black_image_costs_only_its_own_message() {
         hurt[hurt_at + 1 + bit / 8] ^= 1 << (bit % 8);
         let disk = OnDisk::new(&hurt, false);
         let wanted = |topic: &TopicInfo| if topic.name == "/t" { Selection::All } else { Selection::Skip };
-        let log = with_limits(Limits::default(), |c| reader(disk.path(), false).read(&wanted, c)).unwrap();
+        let log = with_limits(Limits::default(), |c| read_at(disk.path(), false, &wanted, c)).unwrap();
         let found = log.tables[0].column("x").unwrap();
         let found: Vec<f64> = (0..log.tables[0].rows).filter_map(|row| found.number(row)).collect();
         let expected: Vec<f64> = (0..60).filter(|n| *n != 35).map(f64::from).collect();

@@ -7,7 +7,7 @@ use flight::{Clock, Severity, Stamp, StampKind};
 use ingest::{Log, LogKind};
 use simulate::Container;
 
-const READER: Reader = |path| ingest::reader_of(ingest::LogKind::Nmea, vec![path]);
+const READER: ingest::LogKind = ingest::LogKind::Nmea;
 
 fn text(lines: &[&str]) -> Log {
     read_bytes(READER, (lines.join("\r\n") + "\r\n").as_bytes()).unwrap()

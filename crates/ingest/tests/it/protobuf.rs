@@ -113,8 +113,7 @@ fn mcap_of(type_name: &str, schema: &[u8], messages: &[Vec<u8>]) -> Vec<u8> {
 
 fn read(content: &[u8], want: impl Fn(&TopicInfo) -> Selection) -> Log {
     let disk = OnDisk::new(content, false);
-    let log =
-        in_context(|context| ingest::reader_of(ingest::LogKind::Mcap, vec![disk.path()]).read(&want, context)).unwrap();
+    let log = in_context(|context| ingest::read_files(ingest::LogKind::Mcap, &[disk.path()], &want, context)).unwrap();
     assert_balanced(&log);
     log
 }
@@ -467,7 +466,7 @@ fn a_simulated_flight_reads_the_same_as_with_prost_reflect() {
 fn a_real_log_of_649_channels_has_the_timestamps_that_python_reads() {
     let Some(path) = real_logs("keelson/test.mcap") else { return };
     let log = in_context(|context| {
-        ingest::reader_of(ingest::LogKind::Mcap, vec![path]).read(&|_: &TopicInfo| Selection::All, context)
+        ingest::read_files(ingest::LogKind::Mcap, &[path], &|_: &TopicInfo| Selection::All, context)
     })
     .unwrap();
     assert_balanced(&log);

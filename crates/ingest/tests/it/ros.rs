@@ -1,6 +1,6 @@
 //! ROS messages: our decoders against those of the Python packages, on real logs.
 
-use crate::made::{reader, sum, whole_sum};
+use crate::made::{read_at, sum, whole_sum};
 use crate::support::{assert_ledger, file, in_context, load, real_logs};
 use ingest::{FlightUnit, LogKind, Selection, TopicInfo};
 use mcap::records::MessageHeader;
@@ -60,7 +60,7 @@ fn real_messages_have_the_values_of_the_python_decoder() {
             if t.name == topic { Selection::Fields(fields.clone()) } else { Selection::Skip }
         };
         let is_bag = file.ends_with(".bag");
-        let log = in_context(|c| reader(path, is_bag).read(&want, c)).unwrap();
+        let log = in_context(|c| read_at(path, is_bag, &want, c)).unwrap();
         let table = &log.tables[0];
         assert_eq!(table.columns.len(), sums.len() + 1, "{file}");
         assert_eq!(whole_sum(table, stamp), stamps, "{file}");

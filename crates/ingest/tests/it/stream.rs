@@ -1,33 +1,30 @@
 //! Shared by the tests of formats without an index: reading bytes, every cut and every flip.
 
 use crate::support::*;
-use ingest::{Column, IngestError, Limits, Log, LogKind, LogReader, Selection, Table, TopicInfo};
+use ingest::{Column, IngestError, Limits, Log, LogKind, Selection, Table, TopicInfo};
 use simulate::{Container, FlightSettings, SensorSettings, SimulatedFlight};
 use std::collections::BTreeMap;
 use std::os::unix::fs::FileExt;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-/// A reader of one file.
-pub type Reader = fn(PathBuf) -> Box<dyn LogReader>;
-
-pub fn read(reader: Reader, path: &Path) -> Result<Log, IngestError> {
+pub fn read(kind: LogKind, path: &Path) -> Result<Log, IngestError> {
     let want = |_: &TopicInfo| Selection::All;
-    in_context(|context| reader(path.to_owned()).read(&want, context))
+    in_context(|context| ingest::read_files(kind, &[path.to_owned()], &want, context))
 }
 
 /// Reads them; the ledger must add up.
-pub fn read_bytes(reader: Reader, bytes: &[u8]) -> Result<Log, IngestError> {
+pub fn read_bytes(kind: LogKind, bytes: &[u8]) -> Result<Log, IngestError> {
     let (_folder, path) = file("log", bytes);
-    let log = read(reader, &path);
+    let log = read(kind, &path);
     log.iter().for_each(|log| assert_balanced(log, bytes.len()));
     log
 }
 
 /// As [`read_bytes`], with these limits.
-pub fn read_within(limits: Limits, reader: Reader, bytes: &[u8]) -> Log {
+pub fn read_within(limits: Limits, kind: LogKind, bytes: &[u8]) -> Log {
     let (_folder, path) = file("log", bytes);
     let want = |_: &TopicInfo| Selection::All;
-    let log = with_limits(limits, |context| reader(path).read(&want, context)).unwrap();
+    let log = with_limits(limits, |context| ingest::read_files(kind, &[path], &want, context)).unwrap();
     assert_balanced(&log, bytes.len());
     log
 }
@@ -97,19 +94,19 @@ pub fn missing(a: &BTreeMap<String, Vec<String>>, b: &BTreeMap<String, Vec<Strin
 /// Cuts the bytes to each of these lengths. The messages with `ends` before the cut must then be read, with
 /// their values; a cut is damage, or a cut tail, unless it is `between` messages.
 pub fn check_cuts(
-    reader: Reader,
+    kind: LogKind,
     bytes: &[u8],
     lengths: impl DoubleEndedIterator<Item = usize>,
     ends: &[usize],
     between: impl Fn(usize) -> bool,
 ) {
-    let whole = rows(&read_bytes(reader, bytes).unwrap());
+    let whole = rows(&read_bytes(kind, bytes).unwrap());
     let (_folder, path) = file("log", bytes);
     let handle = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
     for length in lengths.rev() {
         handle.set_len(length as u64).unwrap();
         let intact = ends.iter().filter(|end| (1..=length).contains(*end)).count();
-        let Ok(log) = read(reader, &path) else {
+        let Ok(log) = read(kind, &path) else {
             assert_eq!(intact, 0, "{length} bytes give nothing");
             continue;
         };
@@ -130,7 +127,7 @@ pub fn bits(places: impl IntoIterator<Item = usize>, of_each: usize) -> impl Ite
 
 /// Flips bits one at a time and passes the result of reading to `check`, with byte and bit.
 pub fn each_flip(
-    reader: Reader,
+    kind: LogKind,
     bytes: &[u8],
     flips: impl Iterator<Item = (usize, usize)>,
     mut check: impl FnMut(&Log, usize, usize),
@@ -139,7 +136,7 @@ pub fn each_flip(
     let handle = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
     for (place, bit) in flips {
         handle.write_all_at(&[bytes[place] ^ 1 << bit], place as u64).unwrap();
-        let log = read(reader, &path).unwrap();
+        let log = read(kind, &path).unwrap();
         assert_balanced(&log, bytes.len());
         check(&log, place, bit);
         handle.write_all_at(&[bytes[place]], place as u64).unwrap();
@@ -147,14 +144,14 @@ pub fn each_flip(
 }
 
 /// What is no log of any kind is refused with the reason; that of a letter is the format's own.
-pub fn check_refusals(reader: Reader, of_a_letter: &str) {
+pub fn check_refusals(kind: LogKind, of_a_letter: &str) {
     for (bytes, reason) in [
         (&b""[..], "empty"),
         (&[0; 5000], "zero bytes"),
         (&[0x17; 5000], "nothing in the file is intact"),
         (b"a letter to a friend, in which nothing is measured at all", of_a_letter),
     ] {
-        let error = read_bytes(reader, bytes).unwrap_err().to_string();
+        let error = read_bytes(kind, bytes).unwrap_err().to_string();
         assert!(error.contains(reason), "{error}");
     }
 }

@@ -420,7 +420,7 @@ fn wrap_table(path: PathBuf, range: i64, seconds: std::ops::Range<i64>, wrong: O
 /// of the first two, by code and count.
 fn first_rows(files: &[PathBuf], library: &MapLibrary) -> (Vec<i64>, Vec<(String, u64)>) {
     let all = |_: &ingest::TopicInfo| ingest::Selection::All;
-    let log = in_context(|context| ingest::open(&tables(files)).read(&all, context)).unwrap();
+    let log = in_context(|context| ingest::read(&tables(files), &all, context)).unwrap();
     let times = ingest::row_times(&log, library).unwrap();
     let name = |file: &PathBuf| file.file_stem().unwrap().to_str().unwrap().to_owned();
     let first = |file: &PathBuf| {
@@ -604,7 +604,7 @@ fn decimal_seconds_are_exact_even_if_every_field_is_wanted() {
     assert_eq!(stamps(&read(&library(time, ""), &text).unwrap()), truth);
     let (_folder, path) = file("t.csv", text.as_bytes());
     let log = in_context(|context| {
-        ingest::open(&tables(&[path])).read(&|_: &ingest::TopicInfo| ingest::Selection::All, context).unwrap()
+        ingest::read(&tables(&[path]), &|_: &ingest::TopicInfo| ingest::Selection::All, context).unwrap()
     });
     // The column itself stays one of numbers, and there is one of each name.
     assert_eq!(log.tables[0].columns.len(), 4);

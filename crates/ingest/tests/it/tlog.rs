@@ -7,7 +7,7 @@ use flight::{Clock, Severity, StampKind};
 use ingest::LogKind;
 use simulate::Container;
 
-const READER: Reader = |path| ingest::reader_of(ingest::LogKind::Tlog, vec![path]);
+const READER: ingest::LogKind = ingest::LogKind::Tlog;
 
 /// Frames with their times as pymavlink 2.4.50 writes them, 10 ms apart from 2026-11-21T12:00:00Z: a heartbeat, a
 /// GPS_RAW_INT in MAVLink 2 and in 1, a signed ATTITUDE whose last floats are zero, and a GLOBAL_POSITION_INT of vehicle 2.

@@ -7,7 +7,7 @@ use flight::{Clock, Geodetic, LocalFrame, Stamp, StampKind, gps_of_unix, unix_of
 use ingest::LogKind;
 use simulate::Container;
 
-const READER: Reader = |path| ingest::reader_of(ingest::LogKind::Ubx, vec![path]);
+const READER: ingest::LogKind = ingest::LogKind::Ubx;
 
 /// NAV-TIMEGPS, NAV-PVT, HNR-PVT, NAV-HPPOSLLH and NAV-VELNED as pyubx2 1.4.0 writes them.
 fn of_pyubx2() -> Vec<u8> {

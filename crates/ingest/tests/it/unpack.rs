@@ -2,7 +2,7 @@
 
 use crate::made;
 use crate::support::*;
-use ingest::{FlightUnit, IngestError, Limits, Loaded, LogKind, MapLibrary};
+use ingest::{FlightUnit, IngestError, Limits, Loaded, LogKind, MapLibrary, ScanError};
 use std::io::Write;
 use std::path::Path;
 
@@ -311,7 +311,10 @@ fn a_stop_request_is_honoured_while_unpacking() {
     let cancel = std::sync::atomic::AtomicBool::new(true);
     let context = ingest::ReadContext { limits: Limits::default(), cancel: &cancel, on_bytes: &|_| () };
     let library = MapLibrary::shipped().unwrap();
-    assert!(matches!(ingest::load(&tables(&[path]), &library, None, &context), Err(IngestError::Cancelled)));
+    assert!(matches!(
+        ingest::load(&tables(&[path]), &library, None, &context),
+        Err(IngestError::Read(ScanError::Cancelled))
+    ));
 }
 
 /// A skippable frame (RFC 8878, 3.1.2), as `pzstd` writes them.

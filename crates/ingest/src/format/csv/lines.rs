@@ -7,7 +7,7 @@ use super::read_ahead::{AheadReader, Rules};
 use crate::error::IngestError;
 use crate::format::workers::Workers;
 use crate::reader::ReadContext;
-use logscan::MOST_ZEROS;
+use logscan::{MOST_ZEROS, ScanError};
 use memchr::{memchr, memchr2, memrchr};
 use std::io::Read;
 
@@ -266,7 +266,7 @@ impl<'a, R: Read> Lines<'a, R> {
     }
 
     fn failed(&self, offset: u64, source: std::io::Error) -> IngestError {
-        IngestError::Io { file: self.file.to_owned(), offset, source }
+        IngestError::Read(ScanError::Io { file: self.file.to_owned(), offset, source })
     }
 }
 

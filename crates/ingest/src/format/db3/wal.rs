@@ -2,7 +2,7 @@
 //! (<https://www.sqlite.org/fileformat2.html#the_write_ahead_log>).
 
 use crate::error::{IngestError, file_name};
-use logscan::read_exactly;
+use logscan::{ScanError, read_exactly};
 use std::collections::HashMap;
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -108,7 +108,7 @@ impl Wal {
             Ok(about) if about.is_file() && about.len() > 0 => about.len(),
             _ => return Ok(Beside::Nothing),
         };
-        let failed = |source| IngestError::Io { file: name.clone(), offset: 0, source };
+        let failed = |source| IngestError::Read(ScanError::Io { file: name.clone(), offset: 0, source });
         let file = File::open(&path).map_err(failed)?;
         let mut head = [0; HEADER_BYTES];
         if size < HEADER_BYTES as u64 {
