@@ -1,8 +1,7 @@
 //! A frame of MAVLink 1 or 2 (<https://mavlink.io/en/guide/serialization.html>).
 //!
 //! The specification requires a receiver to drop frames with unknown incompatibility flags; it defines one, for
-//! signatures. A draft of 2026 (<https://github.com/ArduPilot/pymavlink/pull/1229>) adds two, which make the header
-//! longer. These frames are dropped like others with unknown flags, and the checksum proves where they end.
+//! signatures.
 
 use super::checksum::Checksum;
 use super::definition::Definitions;
@@ -10,7 +9,7 @@ use super::definition::Definitions;
 /// First bytes of a frame.
 pub(super) const MAGIC: [u8; 2] = [0xfe, 0xfd];
 /// Length of the longest frame: header, payload, checksum and signature of MAVLink 2.
-pub(super) const LONGEST: usize = HEADER_2 + WIDE_SENDER + WIDE_TARGET + 255 + CHECKSUM + SIGNATURE;
+pub(super) const LONGEST: usize = HEADER_2 + 255 + CHECKSUM + SIGNATURE;
 /// Length of the shortest frame, without payload.
 const HEADER_1: usize = 6;
 const HEADER_2: usize = 10;
@@ -18,12 +17,6 @@ pub(super) const CHECKSUM: usize = 2;
 pub(super) const SIGNATURE: usize = 13;
 /// The MAVLink 2 flag for a signature at the end.
 const SIGNED: u8 = 1;
-/// Flags of the draft: the sending system's number has 32 bits, and the header ends with a target number.
-const SYSID32: u8 = 2;
-const TARGET32: u8 = 4;
-/// Bytes that this adds to the header.
-const WIDE_SENDER: usize = 3;
-const WIDE_TARGET: usize = 4;
 
 /// Content of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -66,7 +59,7 @@ struct Head {
 }
 
 impl Head {
-    /// The header at the start of the bytes, by the specification.
+    /// The header at the start of the bytes.
     fn at(bytes: &[u8]) -> Result<Head, NoFrame> {
         let (Some(&magic), Some(&payload)) = (bytes.first(), bytes.get(1)) else { return Err(NoFrame::Cut) };
         if !MAGIC.contains(&magic) {
@@ -84,15 +77,6 @@ impl Head {
         Ok(Head { wide, flags, system, component, message, header, payload: payload.into() })
     }
 
-    /// The same by the draft, if its flags are set.
-    fn drafted(self, bytes: &[u8]) -> Option<Head> {
-        let sender = if self.flags & SYSID32 == 0 { 0 } else { WIDE_SENDER };
-        let target = if self.flags & TARGET32 == 0 { 0 } else { WIDE_TARGET };
-        let [component, low, middle, high] = *bytes.get(HEADER_1 + sender..)?.first_chunk()?;
-        let (header, message) = (self.header + sender + target, u32::from_le_bytes([low, middle, high, 0]));
-        (sender + target > 0).then_some(Head { component, message, header, ..self })
-    }
-
     /// Bytes from the start of the frame to its checksum.
     fn checked(&self) -> usize {
         self.header + self.payload
@@ -106,23 +90,12 @@ impl Head {
 impl<'b> Frame<'b> {
     /// Length of the frame at the start of the bytes, intact or not.
     pub(super) fn length_at(bytes: &[u8]) -> Option<usize> {
-        let head = Head::at(bytes).ok()?;
-        Some(Frame::drafted(head, bytes).map_or(head.length(), |frame| frame.length))
+        Head::at(bytes).ok().map(|head| head.length())
     }
 
     /// The frame at the start of the bytes.
     pub(super) fn at(bytes: &'b [u8]) -> Result<Frame<'b>, NoFrame> {
         let head = Head::at(bytes)?;
-        Frame::drafted(head, bytes).map_or_else(|| Frame::behind(head, bytes), Ok)
-    }
-
-    /// The same by the draft, if the checksum confirms it.
-    fn drafted(head: Head, bytes: &'b [u8]) -> Option<Frame<'b>> {
-        let frame = head.drafted(bytes).and_then(|head| Frame::behind(head, bytes).ok());
-        frame.filter(|frame| frame.intact == Some(true))
-    }
-
-    fn behind(head: Head, bytes: &'b [u8]) -> Result<Frame<'b>, NoFrame> {
         let length = head.length();
         let (checked, rest) =
             bytes.get(..length).and_then(|b| b.split_at_checked(head.checked())).ok_or(NoFrame::Cut)?;
@@ -169,32 +142,6 @@ impl Default for Sender {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// Frames of COMMAND_LONG from system 42 or 10.0.0.1 to 7 or 10.0.0.2, the last one signed: from the tests of the
-    /// draft.
-    const DRAFTED: [&str; 4] = [
-        "fd210400002a0b4c00000200000a0000803f0000004000004040000080400000a0400000c0400000e0402c01fffa018df2",
-        "fd210200000100000a0b4c00000000803f0000004000004040000080400000a0400000c0400000e0402c0107fa019d0f",
-        "fd210600000100000a0b4c00000200000a0000803f0000004000004040000080400000a0400000c0400000e0402c01fffa0140e5",
-        "fd210700000100000a0b4c00000200000a0000803f0000004000004040000080400000a0400000c0400000e0402c01fffa01d03903e80300\
-         000000349dea1b799d",
-    ];
-
-    #[test]
-    fn a_frame_with_the_drafts_longer_header_is_intact_with_unknown_flags() {
-        for text in DRAFTED {
-            let digit = |at: usize| u8::from_str_radix(&text[at..at + 2], 16).unwrap();
-            let bytes: Vec<u8> = (0..text.len()).step_by(2).map(digit).collect();
-            let frame = Frame::at(&bytes).unwrap();
-            assert_eq!((frame.message, frame.component, frame.length), (76, 11, bytes.len()), "{text}");
-            assert_eq!((frame.intact, frame.unknown_flags), (Some(true), bytes[2] & !SIGNED));
-            for bit in 8..8 * (bytes.len() - if bytes[2] & SIGNED != 0 { SIGNATURE } else { 0 }) {
-                let mut damaged = bytes.clone();
-                damaged[bit / 8] ^= 1 << (bit % 8);
-                assert_ne!(Frame::at(&damaged).map(|f| f.intact), Ok(Some(true)), "{text}: {bit}");
-            }
-        }
-    }
 
     #[test]
     fn frames_of_both_versions_are_parsed_with_and_without_a_signature() {
