@@ -39,7 +39,7 @@ use crate::decode::{Tally, Topics};
 use crate::error::IngestError;
 use crate::reader::{Limits, Log, ReadContext, Select};
 use flight::{Code, Notices, Severity};
-use logscan::{Ledger, LogFile, MOST_ZEROS};
+use logscan::{Ledger, LogFile, MOST_ZEROS, Source};
 use std::path::PathBuf;
 
 /// Reports that a file contains several logs, one after another.

@@ -48,17 +48,6 @@ pub trait Source {
         Ok(self.bytes(offset, there)?.unwrap_or_default())
     }
 
-    /// Peeks at a few distant bytes without changing the buffer; returns fewer at the end of the source.
-    ///
-    /// # Errors
-    /// If the source cannot be read.
-    fn look<'s, const N: usize>(&mut self, offset: u64, space: &'s mut [u8; N]) -> Result<&'s [u8], ScanError> {
-        let bytes = self.up_to(offset, N)?;
-        let space = space.get_mut(..bytes.len()).unwrap_or_default();
-        space.copy_from_slice(bytes);
-        Ok(space)
-    }
-
     /// Reports that the walk has reached `offset`.
     ///
     /// # Errors
@@ -75,28 +64,36 @@ pub trait Source {
 
 impl Source for LogFile {
     fn size(&self) -> u64 {
-        LogFile::size(self)
+        self.size
     }
 
     fn bytes(&mut self, offset: u64, length: usize) -> Result<Option<&[u8]>, ScanError> {
-        LogFile::bytes(self, offset, length)
+        let Some(end) = offset.checked_add(length as u64).filter(|&end| end <= self.size) else { return Ok(None) };
+        if offset < self.start || end > self.start + self.filled as u64 {
+            self.fill(offset, length)?;
+        }
+        let at = (offset - self.start) as usize;
+        Ok(self.buffer.get(at..at + length))
     }
 
     fn ahead(&mut self, offset: u64, least: usize, most: usize) -> Result<&[u8], ScanError> {
-        LogFile::ahead(self, offset, least, most)
-    }
-
-    fn look<'s, const N: usize>(&mut self, offset: u64, space: &'s mut [u8; N]) -> Result<&'s [u8], ScanError> {
-        let there = self.size.saturating_sub(offset).min(N as u64) as usize;
-        match self.peek::<N>(offset)? {
-            Some(bytes) => *space = bytes,
-            None => self.read(space.get_mut(..there).unwrap_or_default(), offset)?,
+        let left = self.size.saturating_sub(offset);
+        let [least, most] = [least, most].map(|count| left.min(count as u64) as usize);
+        let end = self.start + self.filled as u64;
+        if offset < self.start || offset + least as u64 > end {
+            self.fill(offset, most)?;
         }
-        Ok(space.get(..there).unwrap_or_default())
+        let at = (offset - self.start) as usize;
+        Ok(self.buffer.get(at..self.filled).unwrap_or_default())
     }
 
     fn progress(&mut self, offset: u64, context: &ReadContext<'_>) -> Result<(), ScanError> {
-        LogFile::progress(self, offset, context)
+        if offset >= self.reported + PROGRESS_STEP || (offset == self.size && offset > self.reported) {
+            let more = offset - self.reported;
+            self.reported = offset;
+            context.advance(more)?;
+        }
+        Ok(())
     }
 
     fn file(&mut self) -> Option<&mut LogFile> {
@@ -192,43 +189,6 @@ impl LogFile {
         &self.name
     }
 
-    /// Size of the file, bytes.
-    #[must_use]
-    pub fn size(&self) -> u64 {
-        self.size
-    }
-
-    /// `length` bytes at `offset`; `None` if the file ends earlier.
-    pub fn bytes(&mut self, offset: u64, length: usize) -> Result<Option<&[u8]>, ScanError> {
-        let Some(end) = offset.checked_add(length as u64).filter(|&end| end <= self.size) else { return Ok(None) };
-        if offset < self.start || end > self.start + self.filled as u64 {
-            self.fill(offset, length)?;
-        }
-        let at = (offset - self.start) as usize;
-        Ok(self.buffer.get(at..at + length))
-    }
-
-    /// Up to `most` bytes, fewer at the end of the file.
-    pub fn up_to(&mut self, offset: u64, most: usize) -> Result<&[u8], ScanError> {
-        let there = self.size.saturating_sub(offset).min(most as u64) as usize;
-        Ok(self.bytes(offset, there)?.unwrap_or_default())
-    }
-
-    /// The buffered bytes from `offset` on: `least` bytes, or all up to the end. If fewer are buffered, fetches `most`.
-    ///
-    /// # Errors
-    /// If the file cannot be read.
-    pub fn ahead(&mut self, offset: u64, least: usize, most: usize) -> Result<&[u8], ScanError> {
-        let left = self.size.saturating_sub(offset);
-        let [least, most] = [least, most].map(|count| left.min(count as u64) as usize);
-        let end = self.start + self.filled as u64;
-        if offset < self.start || offset + least as u64 > end {
-            self.fill(offset, most)?;
-        }
-        let at = (offset - self.start) as usize;
-        Ok(self.buffer.get(at..self.filled).unwrap_or_default())
-    }
-
     /// Reads a few bytes without moving the buffer, for looks far ahead.
     pub fn peek<const N: usize>(&mut self, offset: u64) -> Result<Option<[u8; N]>, ScanError> {
         if offset.checked_add(N as u64).is_none_or(|end| end > self.size) {
@@ -292,16 +252,6 @@ impl LogFile {
         self.start = offset;
         self.filled = kept;
         kept
-    }
-
-    /// Reports that the walk has reached `offset`.
-    pub fn progress(&mut self, offset: u64, context: &ReadContext<'_>) -> Result<(), ScanError> {
-        if offset >= self.reported + PROGRESS_STEP || (offset == self.size && offset > self.reported) {
-            let more = offset - self.reported;
-            self.reported = offset;
-            context.advance(more)?;
-        }
-        Ok(())
     }
 }
 

@@ -1,7 +1,7 @@
 //! The guarantees of the scan, shown on a made-up format: two kinds of frames, one with a checksum and one without.
 
 use flight::{LogHealth, Notices};
-use logscan::{Fate, Framing, Ledger, Limits, LogFile, Parsed, ReadContext, ScanError, Scanned, Trust, scan};
+use logscan::{Fate, Framing, Ledger, Limits, LogFile, Parsed, ReadContext, ScanError, Scanned, Source, Trust, scan};
 use std::borrow::Cow;
 use std::cell::Cell;
 use std::io::Write;

@@ -13,7 +13,7 @@ use self::bag_records::{Records, WRONG_START};
 use crate::error::IngestError;
 use crate::format::Reading;
 use crate::reader::{Log, ReadContext, Select};
-use logscan::{LogFile, scan};
+use logscan::{LogFile, Source, scan};
 use std::path::PathBuf;
 
 /// Reads one ROS 1 bag, or several that make up one flight.

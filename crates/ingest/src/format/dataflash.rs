@@ -17,7 +17,7 @@ use crate::error::IngestError;
 use crate::format::Reading;
 use crate::reader::{Log, ReadContext, Select};
 use flight::Clock;
-use logscan::LogFile;
+use logscan::{LogFile, Source};
 use memchr::memmem;
 use std::path::PathBuf;
 

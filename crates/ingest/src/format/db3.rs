@@ -30,7 +30,7 @@ use crate::reader::{Extra, Log, ReadContext, Select};
 use crate::table::TopicInfo;
 use flight::{Code, Notices, Severity};
 use logscan::LogFile;
-use logscan::{Fate, Ledger, ScanError};
+use logscan::{Fate, Ledger, ScanError, Source as _};
 use std::collections::{BTreeMap, HashMap};
 use std::fs::File;
 use std::io::Read;

@@ -23,7 +23,7 @@ use crate::format::{Reading, compare_count, report_broken, report_unplaced};
 use crate::reader::{Extra, Log, ReadContext, Select};
 use crate::table::TopicInfo;
 use flight::{Code, Notices};
-use logscan::{Fate, scan};
+use logscan::{Fate, Source, scan};
 use mcap::records::{MessageIndex, Record, op};
 use std::collections::HashMap;
 use std::path::PathBuf;

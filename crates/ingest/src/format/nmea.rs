@@ -28,7 +28,7 @@ use crate::decode::Topics;
 use crate::error::IngestError;
 use crate::reader::Log;
 use flight::{Code, Graded, Notices, Severity};
-use logscan::{Fate, LogFile, Parsed, Trust};
+use logscan::{Fate, LogFile, Parsed, Source, Trust};
 use memchr::{memchr, memchr_iter, memchr2};
 use std::borrow::Cow;
 

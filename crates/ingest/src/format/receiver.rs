@@ -7,7 +7,7 @@ use crate::decode::Topics;
 use crate::error::IngestError;
 use crate::reader::{Log, ReadContext, Select};
 use crate::sniff::HEAD;
-use logscan::{Fate, Framing, LogFile, Parsed, is_plain, is_zero, scan};
+use logscan::{Fate, Framing, LogFile, Parsed, Source, is_plain, is_zero, scan};
 use memchr::{memchr, memchr3};
 use std::borrow::Cow;
 use std::path::PathBuf;

@@ -31,7 +31,7 @@ use crate::bytes::is_plain;
 use crate::error::IngestError;
 use crate::format::Reading;
 use crate::reader::{Log, ReadContext, Select};
-use logscan::{Fate, LogFile, Parsed, Trust, scan};
+use logscan::{Fate, LogFile, Parsed, Source, Trust, scan};
 use memchr::memchr2;
 use std::borrow::Cow;
 use std::path::PathBuf;

@@ -5,7 +5,7 @@
 
 use crate::format::inflate::{Codec, Inflater};
 use crate::format::workers::{Job, Outcome, Workers};
-use logscan::{LogFile, ScanError};
+use logscan::{LogFile, ScanError, Source};
 use std::collections::VecDeque;
 use std::iter::Peekable;
 use std::ops::Range;

@@ -6,7 +6,7 @@ use crate::bytes::Bytes;
 use crate::format::compare_count;
 use crate::format::unpacker::MOST_PLACES;
 use flight::{Code, Notices, Severity};
-use logscan::{LogFile, ScanError};
+use logscan::{LogFile, ScanError, Source};
 use std::ops::Range;
 
 /// What the end of the bag says about the rest.

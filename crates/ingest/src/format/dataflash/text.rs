@@ -6,7 +6,7 @@ use crate::error::IngestError;
 use crate::reader::ReadContext;
 use flight::{Code, Notices};
 use logscan::LogFile;
-use logscan::{Fate, Ledger};
+use logscan::{Fate, Ledger, Source};
 
 /// Bytes searched for lines in one go.
 const BLOCK: usize = 1 << 20;

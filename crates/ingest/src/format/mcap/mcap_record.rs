@@ -3,7 +3,7 @@
 use crate::bytes::Bytes;
 use crate::format::inflate::Codec;
 use crate::format::unpacker::Packed;
-use logscan::{LogFile, ScanError};
+use logscan::{LogFile, ScanError, Source};
 use mcap::records::{Record, op};
 use std::ops::Range;
 

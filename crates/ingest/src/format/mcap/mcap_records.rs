@@ -230,18 +230,16 @@ impl<'b, 'c, 't, 'w> Records<'b, 'c, 't, 'w> {
             let reason = format!("a chunk of {} bytes is larger than the limit of {limit}", head.length);
             return Ok(Fetched::Damaged(reason.into()));
         }
-        let follows = self.begins(file.look(head.end, &mut [0; MAGIC.len() + HEAD_BYTES as usize])?);
-        let wrong = |reason| if follows { Fetched::Damaged(reason) } else { Fetched::Refuted(reason) };
         self.unpacker.come_to(head.start, file);
         file.bytes(head.start, (head.end - head.start) as usize)?;
         let Some(unpacked) = self.unpacker.unpack(&chunk.packed(head, file.size()), file)? else {
             return Ok(Fetched::Refuted(CUT.into()));
         };
-        if let Some(fault) = unpacked.fault {
-            return Ok(wrong(fault.into()));
-        }
-        if chunk.crc != 0 && unpacked.crc != chunk.crc {
-            return Ok(wrong("the checksum of the chunk is wrong".into()));
+        let wrong_sum = chunk.crc != 0 && unpacked.crc != chunk.crc;
+        let fault: Option<Cow<'static, str>> = unpacked.fault.map(Cow::from);
+        if let Some(fault) = fault.or(wrong_sum.then_some("the checksum of the chunk is wrong".into())) {
+            let follows = self.begins(file.up_to(head.end, MAGIC.len() + HEAD_BYTES as usize)?);
+            return Ok(if follows { Fetched::Damaged(fault) } else { Fetched::Refuted(fault) });
         }
         self.log.without_crc += u64::from(chunk.crc == 0);
         let verdict = contents(unpacked.bytes, self.channels, &mut self.log.unknown);

@@ -3,7 +3,7 @@
 use super::Channels;
 use super::mcap_record::{self, HEAD_BYTES, Head, MAGIC};
 use crate::bytes::Bytes;
-use logscan::{LogFile, ScanError};
+use logscan::{LogFile, ScanError, Source};
 use mcap::records::{Record, op};
 use std::ops::Range;
 

@@ -4,7 +4,7 @@ use super::clock::PLAUSIBLE_US;
 use super::mavlink_frame::{Frame, MAGIC};
 use crate::error::IngestError;
 use crate::reader::ReadContext;
-use logscan::LogFile;
+use logscan::{LogFile, Source};
 
 /// Reported where no frame begins.
 pub(super) const NO_FRAME: &str = "bytes that are not a MAVLink frame";
