@@ -15,11 +15,8 @@ mod walk;
 
 pub(crate) use self::wal::path_of as write_ahead_log_of;
 
-use self::content::{
-    Gather, MessageColumns, Messages, OwnedRow, PassOver, Places, column_names, is_encoding, is_type, looks_like_text,
-};
+use self::content::{Gather, MessageColumns, Messages, OwnedRow, PassOver, Places, column_names};
 use self::pages::Pages;
-use self::tree::Cell;
 use self::wal::{Beside, Wal};
 use self::walk::{Leaf, Lost, Walk};
 use crate::decode::{Definition, Route, Tally, Topics};
@@ -148,13 +145,13 @@ impl Source {
         raise_journal(&self.path, &name, notices);
         let size = self.file.size();
         let tail = size + wal.as_ref().map_or(0, |wal| wal.size);
-        let (pages, sound) = Pages::open(open(&self.path, &name)?, name.clone(), size, wal)?;
-        if !sound {
-            let text = "the header of the database is damaged; pages that could be recognised by their content were \
-                read";
-            notices.push(Code::Corrupt, name, 1, text);
+        match Pages::open(open(&self.path, &name)?, name.clone(), size, wal)? {
+            Some(pages) => read_database(pages, tail, ledger, notices, topics, context),
+            None => {
+                ledger.damaged(&name, 0, tail, "the header of the database is damaged; nothing was read");
+                Ok(0)
+            }
         }
-        read_database(pages, sound, tail, ledger, notices, topics, context)
     }
 }
 
@@ -226,7 +223,6 @@ impl Columns {
 /// Reads one database. Returns how many of its messages could not be decompressed or placed.
 fn read_database(
     pages: Pages,
-    sound: bool,
     size: u64,
     ledger: &mut Ledger,
     notices: &mut Notices,
@@ -236,20 +232,17 @@ fn read_database(
     let name = pages.place(1).0.to_owned();
     let (utf16, write_ahead) = (pages.header.utf16, pages.header.write_ahead);
     let mut walk = Walk::new(pages, ledger, context);
-    walk.astray |= !sound;
     let tables = tables(&mut walk, utf16)?;
     walk.unused()?;
     let columns = Columns::of(&tables);
-    let (named, definitions) = named_and_defined(&mut walk, &tables, &columns)?;
+    let named = gather(&mut walk, &tables.topics, columns.topics.texts())?;
+    let definitions = gather(&mut walk, &tables.definitions, columns.definitions.texts())?;
     let routes = announce(&named, &definitions, &columns, tables.utf16, topics);
     let columns = tables.columns.unwrap_or(MessageColumns::USUAL);
-    let like_message = |cell: &Cell<'_>| columns.look_like(cell);
     let mut messages = Messages::new(topics, columns, routes, context.limits.chunk_bytes);
-    walk.forget_numbers();
-    walk.read_table(&tables.messages, &like_message, &mut messages)?;
+    walk.read(&tables.messages, &mut messages)?;
     walk.read(&tables.others, &mut PassOver)?;
-    walk.account(&tables.messages, &like_message, &mut messages)?;
-    walk.conclude();
+    walk.account()?;
     let Messages { unplaced, packed, found, .. } = messages;
     let (lost, reported) = (std::mem::take(&mut walk.lost), walk.reported());
     let tail = walk.pages.tail();
@@ -261,27 +254,6 @@ fn read_database(
     let all = Losses { lost: &lost, unplaced: &unplaced, packed: &packed, has_messages, write_ahead };
     all.report(&name, notices);
     Ok(unplaced.count + packed.count)
-}
-
-/// The rows of topics and of definitions, and those recognized by their shape if anything is wrong.
-fn named_and_defined(
-    walk: &mut Walk<'_, '_>,
-    tables: &Tables,
-    columns: &Columns,
-) -> Result<(Vec<OwnedRow>, Vec<OwnedRow>), IngestError> {
-    let mut named = gather(walk, &tables.topics, columns.topics.texts())?;
-    let mut definitions = gather(walk, &tables.definitions, columns.definitions.texts())?;
-    if walk.astray {
-        let mut more = |third: fn(&[u8]) -> bool| {
-            let found = walk.found(&|cell| looks_like_text(cell, third))?;
-            let leaves: Vec<Leaf> = found.into_iter().map(|(_, leaf)| leaf).collect();
-            walk.forget_numbers();
-            gather(walk, &leaves, [1, 2])
-        };
-        named.extend(more(is_type)?);
-        definitions.extend(more(is_encoding)?);
-    }
-    Ok((named, definitions))
 }
 
 /// A row of the schema table.
@@ -341,25 +313,17 @@ impl Losses<'_> {
         let text = "the file is truncated: the database has more pages than the file";
         raise(lost.missing_pages, text);
         let text = "the database refers to pages that do not exist, or twice to the same page; their content is \
-            missing unless it was found elsewhere";
+            missing";
         raise(if lost.missing_pages == 0 { lost.dead_ends } else { 0 }, text);
         raise(lost.bad_rows, "rows that cannot be read");
     }
 
     /// Data that were read although the database does not list them.
     fn report_repairs(&self, name: &str, notices: &mut Notices) {
-        let lost = self.lost;
-        let mut raise = |count: u64, text: &str| {
-            if count > 0 {
-                notices.push(Code::ReadLeniently, name, count, text);
-            }
-        };
-        let text = "pages of messages without a reference to them were recognised by their content, and read";
-        raise(lost.found_pages, text);
-        let text = "rows on pages without a reference were skipped: rows with the same numbers were read elsewhere";
-        raise(lost.copies, text);
-        let text = "the list of unused pages of the database is damaged; the pages in use were read";
-        raise(lost.spare_pages.into(), text);
+        if self.lost.spare_pages {
+            let text = "the list of unused pages of the database is damaged; the pages in use were read";
+            notices.push(Code::ReadLeniently, name, 1, text);
+        }
     }
 }
 
@@ -390,11 +354,6 @@ fn tables(walk: &mut Walk<'_, '_>, utf16: Option<bool>) -> Result<Tables, Ingest
         };
         leaves.extend(walk.leaves(listed.root, true)?);
     }
-    // If a bag lacks one of its tables, another table may be it.
-    if tables.messages.is_empty() != tables.topics.is_empty() {
-        walk.astray = true;
-        return Ok(tables);
-    }
     for listed in others {
         let leaves = walk.leaves(listed.root, listed.has_rows)?;
         tables.others.extend(leaves.into_iter().filter(|_| listed.has_rows));
@@ -417,7 +376,6 @@ fn announce(
     utf16: Option<bool>,
     topics: &mut Topics<'_>,
 ) -> BTreeMap<i64, Route> {
-    // Rows recognized by their shape come last, and may be older.
     let mut known: HashMap<String, (String, String)> = HashMap::new();
     for row in definitions {
         let [of_type, encoding, text] = columns.definitions.read(row, utf16);

@@ -284,7 +284,7 @@ fn a_lost_page_of_rows_costs_only_its_rows() {
 }
 
 #[test]
-fn rows_below_a_lost_tree_page_are_found_by_content_in_order() {
+fn rows_below_a_lost_tree_page_are_lost_and_counted() {
     let sent = flight(400);
     for image in [0, 3000] {
         let content = bag(&sent, image, "PRAGMA page_size=512");
@@ -293,23 +293,22 @@ fn rows_below_a_lost_tree_page_are_found_by_content_in_order() {
         for page in above {
             let mut damaged = content.clone();
             damaged[page..page + 512].fill(0xee);
-            let log = read(&damaged).unwrap();
-            assert_received(&log, &sent, false);
-            assert_eq!(log.health.messages, 1200, "{:?}", log.notices);
-            assert!(lost(&log) && log.health.bytes.damaged >= 512);
+            // The root of the messages may be among them.
+            let Ok(log) = read(&damaged) else { continue };
+            assert_subset(&log, &sent, false);
+            assert!(log.health.messages < 1200 && lost(&log), "{:?}", log.notices);
+            // The page, and the pages below it that nothing else refers to.
+            assert!(log.health.bytes.damaged >= 10 * 512, "{:?}", log.health.bytes);
         }
     }
 }
 
 #[test]
-fn a_bag_without_its_first_page_still_gives_its_messages() {
-    let sent = flight(100);
-    let mut content = bag(&sent, 200, "PRAGMA page_size=4096");
+fn a_bag_without_its_first_page_is_refused() {
+    let mut content = bag(&flight(100), 200, "PRAGMA page_size=4096");
     content[..4096].fill(0xee);
-    let log = read(&content).unwrap();
-    assert_received(&log, &sent, false);
-    assert_eq!(log.health.messages, 300);
-    notice(&log, "corrupt");
+    let error = read(&content).unwrap_err().to_string();
+    assert!(error.contains("the header of the database is damaged"), "{error}");
 }
 
 #[test]
@@ -358,8 +357,8 @@ fn circular_trees_end() {
             let mut circular = content.clone();
             circular[page + 8..page + 12].copy_from_slice(&child);
             let log = read(&circular).unwrap();
-            assert_received(&log, &sent, false);
-            assert!(lost(&log) || log.notices.iter().any(|n| n.code == "read-leniently"));
+            assert_subset(&log, &sent, false);
+            assert!(lost(&log), "{:?}", log.notices);
         }
     }
 }
@@ -418,7 +417,7 @@ fn trees_are_trusted_over_the_list_of_unused_pages() {
 }
 
 #[test]
-fn one_bit_in_the_schema_costs_a_page_at_most_and_is_reported() {
+fn one_bit_in_the_schema_costs_nothing_silently() {
     let sent = flight(60);
     let content = bag(&sent, 0, "PRAGMA page_size=4096");
     let whole = read(&content).unwrap().health.messages;
@@ -427,14 +426,11 @@ fn one_bit_in_the_schema_costs_a_page_at_most_and_is_reported() {
         for bit in [0, 2, 5, 7] {
             let mut lying = content.clone();
             lying[at] ^= 1 << bit;
-            let Ok(log) = read(&lying) else {
-                silent.push((at, bit));
-                continue;
-            };
+            tried += 1;
+            let Ok(log) = read(&lying) else { continue };
             let is_reported = lost(&log) || log.notices.iter().any(|n| n.code == "not-decoded");
             let is_whole = rows_of(&log, &sent) == (60, whole);
-            tried += 1;
-            if !(is_whole || is_reported) || log.health.messages < whole - 20 {
+            if !(is_whole || is_reported) {
                 silent.push((at, bit));
             }
         }
@@ -519,20 +515,6 @@ fn tiny_databases_and_those_with_trailing_space_are_intact() {
     let log = read(&[bag(&sent, 0, ""), vec![0; 5 * 4096]].concat()).unwrap();
     assert_received(&log, &sent, false);
     assert!(log.notices.is_empty() && log.health.bytes.damaged == 0, "{:?}", log.notices);
-}
-
-#[test]
-fn after_a_missing_block_rows_are_found_by_content() {
-    let sent = flight(1500);
-    let content = bag(&sent, 0, "");
-    let plain = bag(&sent, 0, "").len() / 4096;
-    for block in (4..plain - 2).step_by(plain / 12) {
-        let mut missing = content.clone();
-        missing.drain(block * 4096..(block + 1) * 4096);
-        let log = read(&missing).unwrap();
-        let (_, messages) = rows_of(&log, &sent);
-        assert!(10 * messages as usize >= 9 * sent.len() && lost(&log), "{block}: {messages} of {}", sent.len());
-    }
 }
 
 #[test]

@@ -221,40 +221,6 @@ impl MessageColumns {
         let data = row.place(self.data)?;
         Some(Found { topic, times: Times { logged_ns, published_ns }, data })
     }
-
-    /// Whether a row looks like a message.
-    pub(super) fn look_like(self, cell: &Cell<'_>) -> bool {
-        self.of_row(cell).is_some() && Row::parse(cell).is_some_and(|row| is_number(&row, cell))
-    }
-}
-
-/// Whether a row starts with its number: that of the page, or one of its own.
-fn is_number(row: &Row, cell: &Cell<'_>) -> bool {
-    matches!(row.value(0, cell.local), Some(Value::Null | Value::Integer(_)))
-}
-
-/// Whether a row looks like a topic, or otherwise like a definition.
-pub(super) fn looks_like_text(cell: &Cell<'_>, third: fn(&[u8]) -> bool) -> bool {
-    let text = |row: &Row, column| match row.value(column, cell.local) {
-        Some(Value::Text(text)) => Some(text.to_vec()),
-        _ => None,
-    };
-    Row::parse(cell).is_some_and(|row| {
-        is_number(&row, cell)
-            && text(&row, 1).is_some()
-            && text(&row, 2).is_some_and(|text| third(&text))
-            && row.place(3).is_some()
-    })
-}
-
-/// The third column of a topic.
-pub(super) fn is_type(text: &[u8]) -> bool {
-    text.windows(5).any(|w| w == b"/msg/")
-}
-
-/// The third column of a definition.
-pub(super) fn is_encoding(text: &[u8]) -> bool {
-    text == b"ros2msg" || text == b"ros2idl"
 }
 
 /// The part of a message on its page.

@@ -15,8 +15,6 @@ const READ_AHEAD: u32 = 256 << 10;
 pub(super) const MAGIC: &[u8] = b"SQLite format 3\0";
 /// Bytes of the header on the first page.
 pub(super) const HEADER_BYTES: usize = 100;
-/// Page size of recorders that do not choose one.
-const USUAL_PAGE_BYTES: u32 = 4096;
 
 /// The content of the first hundred bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -63,12 +61,6 @@ impl Header {
         })
     }
 
-    /// Assumptions where the header is corrupt.
-    fn assumed(page_bytes: u32) -> Header {
-        let (free, pointer_maps, write_ahead) = ((0, 0), false, false);
-        Header { page_bytes, usable: page_bytes, pages: None, free, pointer_maps, utf16: None, write_ahead }
-    }
-
     /// The page with the lock byte, which holds no content.
     pub(super) fn lock_page(&self) -> u32 {
         (1 << 30) / self.page_bytes + 1
@@ -106,25 +98,19 @@ pub(super) struct Pages {
 }
 
 impl Pages {
-    /// The pages of a file of `size` bytes. The header is read from the newest first page. False if that is corrupt.
-    pub(super) fn open(file: File, name: String, size: u64, wal: Option<Wal>) -> Result<(Pages, bool), IngestError> {
-        let page_bytes = wal.as_ref().map_or(USUAL_PAGE_BYTES, |wal| wal.page_bytes);
-        let header = Header::assumed(page_bytes);
-        let mut pages = Pages { file, name, size, header, wal, beyond: vec![], window: vec![], window_at: 0 };
+    /// The pages of a file of `size` bytes. The header is read from the newest first page; `None` if that is corrupt.
+    pub(super) fn open(file: File, name: String, size: u64, wal: Option<Wal>) -> Result<Option<Pages>, IngestError> {
         let mut head = [0; HEADER_BYTES];
-        let mut there = pages.start(1, &mut head)?;
-        if !there && size >= HEADER_BYTES as u64 {
-            // A database may be smaller than a page of the usual size.
-            read_exactly(&pages.file, &pages.name, &mut head, 0)?;
-            there = true;
+        if let Some((wal, at)) = wal.as_ref().and_then(|wal| Some((wal, wal.place(1)?))) {
+            read_exactly(&wal.file, &wal.name, &mut head, at)?;
+        } else if size >= HEADER_BYTES as u64 {
+            read_exactly(&file, &name, &mut head, 0)?;
         }
-        let found = if there { Header::parse(&head) } else { None };
-        let sound = found.is_some();
-        let page_bytes = if pages.wal.is_some() { page_bytes } else { stated_page_bytes(&head).unwrap_or(page_bytes) };
-        pages.header = found.unwrap_or(Header::assumed(page_bytes));
+        let Some(header) = Header::parse(&head) else { return Ok(None) };
+        let mut pages = Pages { file, name, size, header, wal, beyond: vec![], window: vec![], window_at: 0 };
         let last = pages.last_in_file();
         pages.beyond = pages.wal.as_ref().map_or(vec![], |wal| wal.pages_behind(last));
-        Ok((pages, sound))
+        Ok(Some(pages))
     }
 
     /// Pages stated by the database, or by its length if it states none.

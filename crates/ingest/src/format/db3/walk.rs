@@ -1,9 +1,7 @@
-//! The walk over all pages of a database: the owner of each page, the rows of its tables, and
-//! the rows of pages that are no longer referenced.
+//! The walk over all pages of a database: the owner of each page, and the rows of its tables.
 //!
 //! A table is a tree. Its leaves are listed first, from the pages above them, and then read in
-//! order. Leaves below a corrupt page are recognized by their shape. In the end every page has
-//! an owner or is damaged.
+//! order. In the end every page has an owner or is damaged.
 
 use super::pages::Pages;
 use super::tree::{Cell, Kind, Node};
@@ -13,7 +11,6 @@ use crate::error::IngestError;
 use crate::reader::ReadContext;
 use logscan::MOST_ZEROS;
 use logscan::{Fate, Ledger};
-use std::collections::BTreeMap;
 
 /// SQLite's own trees are never deeper than this.
 const DEEPEST: usize = 20;
@@ -29,22 +26,11 @@ pub(super) struct Leaf {
     page: u32,
     from: i64,
     up_to: i64,
-    /// Unreferenced: rows that other pages hold too are copies.
-    found: bool,
 }
 
 impl Leaf {
     fn root(page: u32) -> Leaf {
-        Leaf { page, from: i64::MIN, up_to: i64::MAX, found: false }
-    }
-
-    /// First and last row number that is valid here.
-    fn span(&self, node: &Node<'_>) -> Option<(i64, i64)> {
-        let numbers = (0..node.len()).filter_map(|index| node.row(index)).map(|cell| cell.rowid);
-        let here = numbers.filter(|rowid| (self.from..=self.up_to).contains(rowid));
-        here.fold(None, |span, rowid| {
-            Some(span.map_or((rowid, rowid), |(a, b): (i64, i64)| (a.min(rowid), b.max(rowid))))
-        })
+        Leaf { page, from: i64::MIN, up_to: i64::MAX }
     }
 }
 
@@ -85,11 +71,8 @@ pub(super) struct Walk<'w, 'c> {
     put_off: Vec<(u32, u64)>,
     pages_put_off: u64,
     index_pages: Vec<u32>,
-    /// Row numbers on referenced pages: first and last of each page. Known once something is
-    /// wrong.
-    spans: BTreeMap<i64, i64>,
-    /// A reference is broken: the remaining pages must be searched.
-    pub(super) astray: bool,
+    /// A reference is broken: the remaining pages must be accounted for one by one.
+    astray: bool,
     /// The fate of rows and pages.
     pub(super) lost: Lost,
     page: Vec<u8>,
@@ -98,7 +81,7 @@ pub(super) struct Walk<'w, 'c> {
     reported: u64,
 }
 
-/// What could not be read, and what was found unreferenced.
+/// What could not be read.
 #[derive(Debug, Default)]
 pub(super) struct Lost {
     /// Pages that the database should have but that are missing.
@@ -107,10 +90,6 @@ pub(super) struct Lost {
     pub(super) dead_ends: u64,
     /// Rows on readable pages.
     pub(super) bad_rows: u64,
-    /// Rows on unreferenced pages that are copies of rows that were read.
-    pub(super) copies: u64,
-    /// Unreferenced pages of rows.
-    pub(super) found_pages: u64,
     /// The list of unused pages is wrong.
     pub(super) spare_pages: bool,
 }
@@ -127,7 +106,6 @@ impl<'w, 'c> Walk<'w, 'c> {
             put_off: vec![],
             pages_put_off: 0,
             index_pages: vec![],
-            spans: BTreeMap::new(),
             astray: missing_pages > 0,
             lost: Lost { missing_pages, ..Lost::default() },
             page: vec![],
@@ -153,21 +131,9 @@ impl<'w, 'c> Walk<'w, 'c> {
         is_open
     }
 
-    fn release(&mut self, page: u32) {
-        if let Some(claim) = self.pages.index(page).and_then(|index| self.claims.get_mut(index)) {
-            self.claimed -= u64::from(*claim);
-            *claim = false;
-        }
-    }
-
     /// Whether the page exists and has no owner.
     fn is_open(&self, page: u32) -> bool {
         self.pages.index(page).and_then(|index| self.claims.get(index)) == Some(&false)
-    }
-
-    /// Row numbers restart with every table.
-    pub(super) fn forget_numbers(&mut self) {
-        self.spans.clear();
     }
 
     /// The pointer map pages and the unused ones: their content does not matter. Pages of the trees
@@ -284,30 +250,6 @@ impl<'w, 'c> Walk<'w, 'c> {
         (0..leaves.len()).try_for_each(|index| self.rows(leaves, index, sink))
     }
 
-    /// Passes on the rows of a table: those on referenced pages, and, if something is wrong, in order with them those
-    /// of unreferenced pages with rows of this `look`.
-    pub(super) fn read_table(
-        &mut self,
-        listed: &[Leaf],
-        look: &dyn Fn(&Cell<'_>) -> bool,
-        sink: &mut dyn Sink,
-    ) -> Result<(), IngestError> {
-        if !self.astray {
-            return self.read(listed, sink);
-        }
-        let mut all = vec![];
-        for (first, leaf) in self.spans_of(listed)? {
-            match first {
-                Some(first) => all.push((first, leaf)),
-                None => self.release(leaf.page),
-            }
-        }
-        all.extend(self.found(look)?);
-        all.sort_by_key(|(rowid, _)| *rowid);
-        let all: Vec<Leaf> = all.into_iter().map(|(_, leaf)| leaf).collect();
-        self.read(&all, sink)
-    }
-
     /// Passes on the rows of the leaf at `index`.
     fn rows(&mut self, leaves: &[Leaf], index: usize, sink: &mut dyn Sink) -> Result<(), IngestError> {
         let rest = leaves.get(index..).unwrap_or_default();
@@ -330,19 +272,13 @@ impl<'w, 'c> Walk<'w, 'c> {
     }
 
     fn rows_of(&mut self, leaf: Leaf, node: &Node<'_>, sink: &mut dyn Sink) -> Result<(), IngestError> {
-        let OnPage { bad, copies, good, listed } = self.take_all(leaf, node, sink)?;
-        if leaf.found {
-            self.spans.extend(leaf.span(node));
-        }
+        let OnPage { bad, good, listed } = self.take_all(leaf, node, sink)?;
         self.lost.bad_rows += bad.count;
-        self.lost.copies += copies;
         self.astray |= bad.count > 0;
         if bad.count > 0 {
             let reason =
                 format!("{} of {} rows on a page cannot be read; the first: {}", bad.count, node.len(), bad.first);
             self.damaged_but(leaf.page, good, &reason);
-        } else if copies > 0 {
-            self.damaged_but(leaf.page, good, "a page of rows that are also on other pages");
         } else if node.unlisted(listed) > 0 {
             self.astray = true;
             self.damaged_but(leaf.page, good, UNLISTED);
@@ -367,10 +303,6 @@ impl<'w, 'c> Walk<'w, 'c> {
                 continue;
             }
             next = cell.rowid.saturating_add(1);
-            if leaf.found && self.is_held(cell.rowid) {
-                page.copies += 1;
-                continue;
-            }
             match self.take(&cell, sink)? {
                 Ok(()) => room -= cell.local.len(),
                 Err(why) => page.bad.add(|| why),
@@ -378,31 +310,6 @@ impl<'w, 'c> Walk<'w, 'c> {
         }
         page.good = (self.usable() as usize - room) as u64;
         Ok(page)
-    }
-
-    /// Whether a referenced page holds this row.
-    fn is_held(&self, rowid: i64) -> bool {
-        self.spans.range(..=rowid).next_back().is_some_and(|(_, &last)| rowid <= last)
-    }
-
-    /// Records the row numbers on the leaves. Returns the leaves with the number of their first row; `None` if all
-    /// rows of a leaf belong elsewhere.
-    fn spans_of(&mut self, leaves: &[Leaf]) -> Result<Vec<(Option<i64>, Leaf)>, IngestError> {
-        let mut all = vec![];
-        // An unreadable leaf keeps its place after the previous one.
-        let mut before = i64::MIN;
-        for &leaf in leaves {
-            let there = self.pages.look(leaf.page, &mut self.page)?;
-            let node = Node::parse(leaf.page, &self.page, self.usable());
-            let node = node.filter(|node| there && node.kind == Kind::TableLeaf && node.len() > 0);
-            let span = node.map(|node| leaf.span(&node));
-            if let Some((first, last)) = span.flatten() {
-                self.spans.insert(first, last);
-                before = first;
-            }
-            all.push((Some(before).filter(|_| span != Some(None)), leaf));
-        }
-        Ok(all)
     }
 
     /// Takes one row and accounts for its bytes.
@@ -549,60 +456,8 @@ impl<'w, 'c> Walk<'w, 'c> {
         self.reported
     }
 
-    /// Unreferenced pages that, by `look`, seem to hold rows of a table, by the number of their
-    /// first row. They are claimed.
-    pub(super) fn found(&mut self, look: &dyn Fn(&Cell<'_>) -> bool) -> Result<Vec<(i64, Leaf)>, IngestError> {
-        let mut found = vec![];
-        self.unclaimed(|walk, page| {
-            let node = Node::parse(page, &walk.page, walk.usable()).filter(|node| node.kind == Kind::TableLeaf);
-            let Some(node) = node.filter(|node| most_are(node, look)) else { return };
-            let first = (0..node.len()).filter_map(|i| node.row(i)).find(look);
-            found.extend(first.map(|cell| (cell.rowid, Leaf { found: true, ..Leaf::root(page) })));
-        })?;
-        found.sort_unstable_by_key(|(rowid, leaf)| (*rowid, leaf.page));
-        for (_, leaf) in &found {
-            self.claim(leaf.page);
-        }
-        self.lost.found_pages += found.len() as u64;
-        Ok(found)
-    }
-
-    /// Calls `each` for the pages without an owner, with the page in `self.page`.
-    fn unclaimed(&mut self, mut each: impl FnMut(&mut Self, u32)) -> Result<(), IngestError> {
-        let mut zeros = 0;
-        for index in 0..self.pages.count() {
-            if self.claims.get(index) == Some(&true) {
-                continue;
-            }
-            let page = self.pages.at(index);
-            self.pages.ahead(page, u32::MAX)?;
-            if !self.pages.look(page, &mut self.page)? {
-                continue;
-            }
-            if is_zero(&self.page) {
-                zeros += u64::from(self.pages.header.page_bytes);
-                if zeros > MOST_ZEROS {
-                    return Ok(());
-                }
-            } else {
-                zeros = 0;
-                each(self, page);
-            }
-            if index % 256 == 0 {
-                self.context.advance(0)?;
-            }
-        }
-        Ok(())
-    }
-
-    /// Accounts for all remaining pages, and passes on rows of this `look` among them; `listed` are the referenced
-    /// leaves of their table.
-    pub(super) fn account(
-        &mut self,
-        listed: &[Leaf],
-        look: &dyn Fn(&Cell<'_>) -> bool,
-        sink: &mut dyn Sink,
-    ) -> Result<(), IngestError> {
+    /// Accounts for all remaining pages: those that still have no owner are damage.
+    pub(super) fn account(&mut self) -> Result<(), IngestError> {
         let put_off = std::mem::take(&mut self.put_off);
         if !self.astray && self.claimed + self.pages_put_off == self.pages.count() as u64 {
             self.ledger.count(Fate::Skipped, put_off.iter().map(|(_, bytes)| bytes).sum());
@@ -620,11 +475,13 @@ impl<'w, 'c> Walk<'w, 'c> {
             }
         }
         self.index_overflow()?;
-        if self.spans.is_empty() {
-            self.spans_of(listed)?;
+        let mut index = 0;
+        while index < self.pages.count() {
+            let run = self.claims.iter().skip(index).take_while(|is_claimed| !**is_claimed).count();
+            self.damaged_run(index..index + run);
+            index += run + 1;
         }
-        let late: Vec<Leaf> = self.found(look)?.into_iter().map(|(_, leaf)| leaf).collect();
-        self.read(&late, sink)
+        Ok(())
     }
 
     /// Indexes of long texts have overflow pages too.
@@ -643,26 +500,12 @@ impl<'w, 'c> Walk<'w, 'c> {
         }
         Ok(())
     }
-
-    /// Pages that still have no owner are damage.
-    pub(super) fn conclude(&mut self) {
-        if !self.astray {
-            return;
-        }
-        let mut index = 0;
-        while index < self.pages.count() {
-            let run = self.claims.iter().skip(index).take_while(|is_claimed| !**is_claimed).count();
-            self.damaged_run(index..index + run);
-            index += run + 1;
-        }
-    }
 }
 
 /// The fate of the rows of a page.
 #[derive(Default)]
 struct OnPage {
     bad: Tally,
-    copies: u64,
     /// Bytes of the rows that were taken.
     good: u64,
     /// Bytes of the rows that the page lists.
@@ -677,14 +520,9 @@ fn children(node: &Node<'_>, at: Leaf, table: bool) -> Vec<Leaf> {
             return Leaf::root(page);
         }
         let up_to = key.map_or(at.up_to, |key| key.min(at.up_to));
-        let child = Leaf { page, from, up_to, found: false };
+        let child = Leaf { page, from, up_to };
         from = up_to.saturating_add(1);
         child
     };
     node.children().flatten().map(child).collect()
-}
-
-/// Whether more than half of a page's rows match `look`.
-fn most_are(node: &Node<'_>, look: &dyn Fn(&Cell<'_>) -> bool) -> bool {
-    2 * (0..node.len()).filter_map(|i| node.row(i)).filter(look).count() > node.len()
 }
