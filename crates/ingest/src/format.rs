@@ -42,14 +42,6 @@ use flight::{Code, Notices, Severity};
 use logscan::{Ledger, LogFile, MOST_ZEROS, Source};
 use std::path::PathBuf;
 
-/// Reports that a file contains several logs, one after another.
-fn report_logs(file: &str, logs: u64, notices: &mut Notices) {
-    if logs > 1 {
-        let text = "this file holds several logs, one after another; all were read";
-        notices.push(Code::SeveralSessions, file, logs, text);
-    }
-}
-
 /// Reports how many messages belong to no topic that the log defines.
 fn report_unplaced(unplaced: &Tally, file: &str, notices: &mut Notices) {
     unplaced.report(Code::Undecodable, file, "messages that belong to no known topic", notices);

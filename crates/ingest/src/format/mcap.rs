@@ -57,12 +57,12 @@ pub(crate) fn read(files: &[PathBuf], want: &dyn Select, context: &ReadContext<'
             continue;
         }
         let mut channels = Channels::new(&mut topics, &mut extras, &mut originals, context.limits.chunk_bytes);
-        let summary = Summary::read(file, 0..size, context.limits.record_bytes, &mut channels)?;
+        let summary = Summary::read(file, context.limits.record_bytes, &mut channels)?;
         let mut records = Records::new(file, context, &mut notices, &mut channels, summary);
         scan(file, &mut ledger, context, &mut records)?;
-        records.finish(file)?;
-        log.health.undecodable += channels.undecodable;
-        headers.append(&mut channels.headers);
+        records.finish();
+        log.health.undecodable += channels.unplaced.count + channels.broken.count;
+        headers.push(channels.header);
     }
     log.health.format = format_name(&headers);
     log.health.extras = extras.finish();
@@ -167,7 +167,7 @@ enum Stamped {
     AsPublished(usize),
 }
 
-/// Channels and schemas of the logs of one file, one after the other; routes messages to the topics.
+/// Channels and schemas of one file; routes messages to the topics.
 struct Channels<'t, 'w> {
     topics: &'t mut Topics<'w>,
     extras: &'t mut Extras,
@@ -191,9 +191,6 @@ struct Channels<'t, 'w> {
     /// Wanted attachments that exceed the maximum record length.
     too_long: Tally,
     late_stamps: u64,
-    /// From logs that have ended: what their headers say, and messages that could not be placed or decompressed.
-    headers: Vec<String>,
-    undecodable: u64,
 }
 
 impl<'t, 'w> Channels<'t, 'w> {
@@ -221,8 +218,6 @@ impl<'t, 'w> Channels<'t, 'w> {
             redefined: Tally::default(),
             too_long: Tally::default(),
             late_stamps: 0,
-            headers: vec![],
-            undecodable: 0,
         }
     }
 
@@ -495,25 +490,6 @@ impl<'t, 'w> Channels<'t, 'w> {
     /// A message index of a skipped chunk: nothing else reports what it lists.
     fn index_of_skipped(&mut self, body: &[u8]) -> Result<Fate, String> {
         self.other(op::MESSAGE_INDEX, body)
-    }
-
-    /// A log has ended, and this is what it stated about itself. Oddities are reported.
-    fn end_log(&mut self, file: &str, summary: &Summary, notices: &mut Notices) {
-        self.conclude(file, summary, notices);
-        self.undecodable += self.unplaced.count + self.broken.count;
-        self.headers.push(std::mem::take(&mut self.header));
-    }
-
-    /// Another log starts, with definitions of its own.
-    fn forget(&mut self) {
-        self.schemas.clear();
-        self.channels.clear();
-        self.ways.clear();
-        self.header.clear();
-        (self.definition_bytes, self.found, self.late_stamps, self.refusal) = (0, 0, 0, None);
-        for tally in [&mut self.unplaced, &mut self.broken, &mut self.redefined, &mut self.too_long] {
-            *tally = Tally::default();
-        }
     }
 }
 

@@ -13,7 +13,7 @@ use crate::format::unpacker::{Packed, Unpacker};
 use crate::format::wrong_start;
 use crate::reader::ReadContext;
 use flight::{Code, LogHealth, Notices};
-use logscan::{Fate, Fetched, Framing, Ledger, LogFile, MOST_IN_VAIN, Parsed, ScanError, Source, Trust, scan};
+use logscan::{Fate, Fetched, Framing, Ledger, LogFile, Parsed, ScanError, Source, Trust, scan};
 use std::borrow::Cow;
 
 /// Reported for a file that does not start as a bag does.
@@ -26,10 +26,8 @@ const SHORTEST_HEADER: u32 = 8;
 const SHORTEST: usize = 16;
 /// Most zero bytes between two records that are accepted as padding.
 const MOST_PADDING: usize = 4096;
-/// Maximum bags one after another in one file.
-const MOST_BAGS: u64 = 1000;
 
-/// The records of one file, which may be several bags one after another.
+/// The records of one bag.
 pub(super) struct Records<'b, 't, 'c> {
     name: &'b str,
     context: &'b ReadContext<'c>,
@@ -39,10 +37,6 @@ pub(super) struct Records<'b, 't, 'c> {
     unpacker: Option<Unpacker>,
     /// Some of the file was examined.
     has_begun: bool,
-    bags: u64,
-    /// Bytes that may still be read for indexes: in a file of many bags, each may claim the same long index.
-    index_bytes: u64,
-    undecodable: u64,
     bag: Bag,
 }
 
@@ -74,32 +68,17 @@ impl<'b, 't, 'c> Records<'b, 't, 'c> {
             connections: Connections::new(topics),
             unpacker: Some(Unpacker::new(file, context.limits.chunk_bytes)),
             has_begun: false,
-            bags: 0,
-            index_bytes: file.size().saturating_mul(MOST_IN_VAIN),
-            undecodable: 0,
             bag: Bag::default(),
         }
     }
 
-    /// Ends the last bag. Returns the number of messages without a connection.
-    pub(super) fn finish(mut self) -> u64 {
-        self.end_bag(self.bags == 0);
-        crate::format::report_logs(self.name, self.bags, self.notices);
-        self.undecodable
-    }
-
-    /// Reports oddities of the bag that ends, unless nothing of it was present: bytes before the first bag are damage.
-    fn end_bag(&mut self, is_only: bool) {
-        let bag = std::mem::take(&mut self.bag);
-        if !bag.found_any && !is_only {
-            return;
+    /// Reports oddities of the bag. Returns the number of messages without a connection.
+    pub(super) fn finish(self) -> u64 {
+        if self.bag.padding > 0 {
+            self.notices.push(Code::Skipped, self.name, self.bag.padding, "zero bytes between records");
         }
-        self.bags += 1;
-        if bag.padding > 0 {
-            self.notices.push(Code::Skipped, self.name, bag.padding, "zero bytes between records");
-        }
-        bag.index.conclude(self.name, bag.messages, self.notices);
-        self.undecodable += self.connections.end(self.name, self.notices);
+        self.bag.index.conclude(self.name, self.bag.messages, self.notices);
+        self.connections.end(self.name, self.notices)
     }
 
     fn is_inside(&self) -> bool {
@@ -130,27 +109,21 @@ impl<'b, 't, 'c> Records<'b, 't, 'c> {
         }
     }
 
-    /// The header of a bag: the index is read first.
+    /// The header of the bag: the index is read first.
     fn begin_bag<S: Source>(
         &mut self,
         source: &mut S,
-        at: u64,
         index_at: u64,
         chunks: Option<u32>,
     ) -> Result<Fetched, ScanError> {
         let Some(file) = source.file() else { return Ok(Fetched::Refuted("a bag inside a chunk".into())) };
-        if self.bag.found_any {
-            self.end_bag(false);
-        }
-        let start = at.saturating_sub(MAGIC.len() as u64);
-        self.bag.index = match start.saturating_add(index_at) {
+        self.bag.index = match index_at {
             _ if index_at == 0 => Index::None,
             index_at if index_at > file.size() => Index::CutOff,
             index_at => {
-                let (connections, left) = (&mut self.connections, &mut self.index_bytes);
-                let most = self.context.limits.record_bytes;
-                let mut reader = IndexReader { file, connections, left, most, places: vec![] };
-                let index = reader.read(start..index_at, chunks)?;
+                let (connections, most) = (&mut self.connections, self.context.limits.record_bytes);
+                let mut reader = IndexReader { file, connections, most, places: vec![] };
+                let index = reader.read(index_at, chunks)?;
                 if let Some(unpacker) = &mut self.unpacker {
                     unpacker.expect(reader.places, look);
                 }
@@ -211,15 +184,13 @@ impl Framing for Records<'_, '_, '_> {
     }
 
     fn parse(&self, bytes: &[u8]) -> Parsed {
-        if self.bags >= MOST_BAGS {
-            return Parsed::Not(1);
-        }
         let Some(record) = Record::of(bytes) else {
             return if bytes.starts_with(MAGIC) { self.first_line(bytes) } else { self.no_record(bytes) };
         };
         let length = record.length();
         let trust = match record.kind {
-            Kind::Chunk { .. } | Kind::BagHeader { .. } if self.is_inside() => return Parsed::Not(record.head),
+            Kind::Chunk { .. } if self.is_inside() => return Parsed::Not(record.head),
+            Kind::BagHeader { .. } if self.is_inside() || self.bag.found_any => return Parsed::Not(record.head),
             Kind::Chunk { compression, .. } => match codec(compression) {
                 Some(Codec::None) => return Parsed::Frame(record.head, Trust::Agrees),
                 Some(_) => return Parsed::Long(length, Trust::Agrees),
@@ -244,9 +215,6 @@ impl Framing for Records<'_, '_, '_> {
     }
 
     fn candidate(&self, block: &[u8], from: usize) -> Option<usize> {
-        if self.bags >= MOST_BAGS {
-            return None;
-        }
         let may_be = |bytes: &[u8]| begins_header(bytes) || bytes.starts_with(MAGIC);
         block.get(from..)?.windows(SHORTEST).position(may_be).map(|at| from + at)
     }
@@ -263,10 +231,10 @@ impl Framing for Records<'_, '_, '_> {
     fn take(&mut self, frame: &[u8], _: &[u8], _: u64) -> Result<Fate, Cow<'static, str>> {
         self.has_begun = true;
         let Some(record) = Record::of(frame) else {
-            match frame.starts_with(MAGIC) {
-                true => self.end_bag(false),
-                false => self.bag.padding += frame.len() as u64,
+            if frame.starts_with(MAGIC) && self.bag.found_any {
+                return Err("another bag begins in the midst of the file".into());
             }
+            self.bag.padding += if frame.starts_with(MAGIC) { 0 } else { frame.len() as u64 };
             return Ok(Fate::Structure);
         };
         let data = frame.get(record.head..).unwrap_or_default();
@@ -293,7 +261,7 @@ impl Framing for Records<'_, '_, '_> {
                 Some(packed) => self.chunk(source, &packed),
                 None => Ok(Fetched::Refuted(NO_RECORD.into())),
             },
-            Kind::BagHeader { index_at, chunks, .. } => self.begin_bag(source, at, index_at, chunks),
+            Kind::BagHeader { index_at, chunks, .. } => self.begin_bag(source, index_at, chunks),
             Kind::Message { connection, logged_ns } if !self.connections.wants(connection) => {
                 let payload = length - record.head as u64;
                 self.bag.messages += 1;
@@ -311,9 +279,6 @@ impl Framing for Records<'_, '_, '_> {
     }
 
     fn fault(&self, bytes: &[u8]) -> Cow<'static, str> {
-        if self.bags >= MOST_BAGS {
-            return "too many bags in one file".into();
-        }
         if !self.has_begun {
             return wrong_start(bytes.get(..MAGIC.len() + 1).unwrap_or(bytes), MAGIC, WRONG_START).into();
         }

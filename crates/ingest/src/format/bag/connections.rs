@@ -105,12 +105,15 @@ impl<'b, 't> Connections<'b, 't> {
         self.topics.unread(known.route, Times { logged_ns, published_ns: None }, length)
     }
 
-    /// Discards the connections of a bag that has ended. Returns the number of messages without a connection.
-    pub(super) fn end(&mut self, file: &str, notices: &mut Notices) -> u64 {
-        let (unplaced, redefined) = (std::mem::take(&mut self.unplaced), std::mem::take(&mut self.redefined));
-        (self.known, self.definition_bytes) = Default::default();
-        report_unplaced(&unplaced, file, notices);
-        redefined.report(Code::Redefined, file, "connections were replaced by others with the same number", notices);
-        unplaced.count
+    /// Reports oddities. Returns the number of messages without a connection.
+    pub(super) fn end(self, file: &str, notices: &mut Notices) -> u64 {
+        report_unplaced(&self.unplaced, file, notices);
+        self.redefined.report(
+            Code::Redefined,
+            file,
+            "connections were replaced by others with the same number",
+            notices,
+        );
+        self.unplaced.count
     }
 }

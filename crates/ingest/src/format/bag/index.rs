@@ -1,13 +1,12 @@
 //! The index at the end of a bag: connections, chunk offsets and message counts.
 
-use super::bag_record::{Kind, LONGEST, MAGIC, Record};
+use super::bag_record::{Kind, LONGEST, Record};
 use super::connections::Connections;
 use crate::bytes::Bytes;
 use crate::format::compare_count;
 use crate::format::unpacker::MOST_PLACES;
 use flight::{Code, Notices, Severity};
 use logscan::{LogFile, ScanError, Source};
-use std::ops::Range;
 
 /// What the end of the bag says about the rest.
 #[derive(Debug, Default)]
@@ -27,8 +26,6 @@ pub(super) enum Index {
 pub(super) struct IndexReader<'i, 'b, 't> {
     pub(super) file: &'i mut LogFile,
     pub(super) connections: &'i mut Connections<'b, 't>,
-    /// Bytes that may still be read.
-    pub(super) left: &'i mut u64,
     /// Maximum record length.
     pub(super) most: u64,
     /// Offsets of the chunks that it lists.
@@ -36,22 +33,14 @@ pub(super) struct IndexReader<'i, 'b, 't> {
 }
 
 impl IndexReader<'_, '_, '_> {
-    /// Reads the index for a bag and an index at these offsets in the file; the bag header gives the number of chunks.
-    pub(super) fn read(&mut self, log: Range<u64>, chunks: Option<u32>) -> Result<Index, ScanError> {
-        let (mut at, mut messages, mut seen) = (log.end, 0_u64, 0_u64);
+    /// Reads the index from this offset on; the bag header gives the number of chunks.
+    pub(super) fn read(&mut self, start: u64, chunks: Option<u32>) -> Result<Index, ScanError> {
+        let (mut at, mut messages, mut seen) = (start, 0_u64, 0_u64);
         while at < self.file.size() {
             let head = self.file.up_to(at, LONGEST)?;
-            // Another bag may follow.
-            if head.starts_with(MAGIC) {
-                break;
-            }
             let intact = |record: &Record<'_>| record.fits_its_count() != Some(false);
             let length = Record::of(head).filter(intact).map(|record| record.length());
-            let left = length.and_then(|length| self.left.checked_sub(length));
-            let Some((length, left)) = length.filter(|length| *length <= self.most).zip(left) else {
-                return Ok(Index::Unreadable);
-            };
-            *self.left = left;
+            let Some(length) = length.filter(|length| *length <= self.most) else { return Ok(Index::Unreadable) };
             let Some(bytes) = self.file.bytes(at, length as usize)? else { return Ok(Index::Unreadable) };
             let Some(record) = Record::of(bytes) else { return Ok(Index::Unreadable) };
             let data = bytes.get(record.head..).unwrap_or_default();
@@ -59,7 +48,7 @@ impl IndexReader<'_, '_, '_> {
                 // The scan reports connection errors when it gets there.
                 Kind::Connection { connection, topic } => drop(self.connections.announce(connection, topic, data)),
                 Kind::ChunkInfo { chunk_at, .. } => {
-                    self.places.extend(log.start.checked_add(chunk_at).filter(|_| seen < MOST_PLACES as u64));
+                    self.places.extend(Some(chunk_at).filter(|_| seen < MOST_PLACES as u64));
                     seen += 1;
                     messages = messages.saturating_add(counts(data));
                 }

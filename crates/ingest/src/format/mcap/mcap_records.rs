@@ -24,30 +24,24 @@ const ATTACHMENT_SHOWN: u64 = 1 << 20;
 const BLOCK: usize = 256 << 10;
 /// Maximum length of a definition found by searching.
 const LONGEST_FOUND: u64 = 1 << 20;
-/// Maximum logs one after another in one file.
-const MOST_LOGS: u64 = 1000;
 /// Reported for a chunk that is not complete in the file.
 const CUT: &str = "a truncated chunk";
 
-/// The records of one file, which may be several logs one after another.
+/// The records of one file.
 pub(super) struct Records<'b, 'c, 't, 'w> {
     name: String,
-    size: u64,
     context: &'b ReadContext<'c>,
     notices: &'b mut Notices,
     channels: &'b mut Channels<'t, 'w>,
     unpacker: Unpacker,
     /// Some of the file was examined.
     has_begun: bool,
-    logs: u64,
     log: State,
 }
 
 /// State of the log that is being read.
 #[derive(Default)]
 struct State {
-    /// Its start in the file.
-    start: u64,
     summary: Summary,
     /// Over the data section; `None` if that is known to have no checksum.
     data_crc: Option<crc32fast::Hasher>,
@@ -56,8 +50,8 @@ struct State {
     channels_seen: bool,
     data_ended: bool,
     footer_seen: bool,
-    /// Its end in the file, if it has one.
-    end: Option<u64>,
+    /// The magic after its footer was found.
+    has_end: bool,
     /// Some of it was present, and not only damage.
     found_any: bool,
     damaged: bool,
@@ -71,7 +65,7 @@ struct State {
 }
 
 impl<'b, 'c, 't, 'w> Records<'b, 'c, 't, 'w> {
-    /// For a file whose first log has this summary, found at the end of the file.
+    /// For a file with this summary at its end.
     pub(super) fn new(
         file: &mut LogFile,
         context: &'b ReadContext<'c>,
@@ -86,39 +80,15 @@ impl<'b, 'c, 't, 'w> Records<'b, 'c, 't, 'w> {
         if summary.data_crc == Some(0) && summary.chunks.iter().any(|chunk| !chunk.wanted) {
             file.expect_jumps();
         }
-        let (name, log) = (file.name().to_owned(), State::default());
-        let mut records =
-            Records { name, size: file.size(), context, notices, channels, unpacker, has_begun: false, logs: 0, log };
-        records.begin_log(0, summary);
-        records
-    }
-
-    /// Ends the last log.
-    pub(super) fn finish(mut self, file: &mut LogFile) -> Result<(), ScanError> {
-        self.end_log(file, self.logs == 0)?;
-        crate::format::report_logs(&self.name, self.logs, self.notices);
-        Ok(())
-    }
-
-    fn begin_log(&mut self, start: u64, summary: Summary) {
         let data_crc = (summary.data_crc != Some(0)).then(crc32fast::Hasher::new);
-        self.log = State { start, summary, data_crc, ..State::default() };
+        let log = State { summary, data_crc, ..State::default() };
+        Records { name: file.name().to_owned(), context, notices, channels, unpacker, has_begun: false, log }
     }
 
-    /// Reports oddities of the log that ends, unless nothing of it was present: bytes before the first log are damage.
-    fn end_log(&mut self, file: &mut LogFile, is_only: bool) -> Result<(), ScanError> {
-        let mut log = std::mem::take(&mut self.log);
-        if !log.found_any && !is_only {
-            return Ok(());
-        }
-        self.logs += 1;
-        if let Some(end) = log.end.filter(|end| log.start > 0 || *end < self.size) {
-            // Anything examined before is at the end of the file.
-            log.summary = Summary::read(file, log.start..end, self.context.limits.record_bytes, self.channels)?;
-        }
-        log.conclude(&self.name, self.notices);
-        self.channels.end_log(&self.name, &log.summary, self.notices);
-        Ok(())
+    /// Reports oddities of the log.
+    pub(super) fn finish(self) {
+        self.log.conclude(&self.name, self.notices);
+        self.channels.conclude(&self.name, &self.log.summary, self.notices);
     }
 
     fn begins_log(bytes: &[u8]) -> bool {
@@ -128,7 +98,8 @@ impl<'b, 'c, 't, 'w> Records<'b, 'c, 't, 'w> {
 
     /// The eight bytes at both ends of a log.
     fn magic(&self, bytes: &[u8]) -> Parsed {
-        match self.log.footer_seen && self.log.end.is_none() {
+        match self.log.footer_seen {
+            true if self.log.has_end => Parsed::Not(MAGIC.len()),
             true => Parsed::Frame(MAGIC.len(), Trust::Proven),
             false if Self::begins_log(bytes) => Parsed::Long(MAGIC.len() as u64, Trust::Proven),
             false if !self.has_begun => Parsed::Long(MAGIC.len() as u64, Trust::Agrees),
@@ -212,9 +183,9 @@ impl<'b, 'c, 't, 'w> Records<'b, 'c, 't, 'w> {
         let log = &mut self.log;
         let Some(hasher) = log.data_crc.take() else { return };
         if stated != 0 && !log.damaged && hasher.finalize() != stated {
-            let place = format!("{}, bytes {} to {end}", self.name, log.start);
+            let place = format!("{}, bytes 0 to {end}", self.name);
             let text = "the checksum of the data section is wrong: some of its bytes are damaged";
-            self.notices.push(Code::Corrupt, place, end - log.start, text);
+            self.notices.push(Code::Corrupt, place, end, text);
         }
     }
 
@@ -355,9 +326,6 @@ impl Framing for Records<'_, '_, '_, '_> {
 
     #[inline]
     fn parse(&self, bytes: &[u8]) -> Parsed {
-        if self.logs >= MOST_LOGS {
-            return Parsed::Not(1);
-        }
         if bytes.starts_with(MAGIC) {
             return self.magic(bytes);
         }
@@ -388,7 +356,7 @@ impl Framing for Records<'_, '_, '_, '_> {
     }
 
     fn candidate(&self, block: &[u8], from: usize) -> Option<usize> {
-        if self.logs >= MOST_LOGS {
+        if self.log.has_end {
             return None;
         }
         let searched = (0..=op::DATA_END).filter(|opcode| self.is_searched(*opcode));
@@ -411,7 +379,7 @@ impl Framing for Records<'_, '_, '_, '_> {
     #[inline]
     fn take(&mut self, frame: &[u8], _: &[u8], at: u64) -> Result<Fate, Cow<'static, str>> {
         if frame == MAGIC {
-            self.log.end = Some(at + MAGIC.len() as u64);
+            self.log.has_end = true;
             return Ok(Fate::Structure);
         }
         (self.has_begun, self.log.found_any) = (true, true);
@@ -433,12 +401,9 @@ impl Framing for Records<'_, '_, '_, '_> {
         start.copy_from_slice(held);
         let start: &[u8] = start;
         if start.starts_with(MAGIC) {
-            if at > 0 {
-                if let Some(file) = source.file() {
-                    self.end_log(file, false)?;
-                }
-                self.channels.forget();
-                self.begin_log(at, Summary::default());
+            if self.log.found_any {
+                self.log.damaged = true;
+                return Ok(Fetched::Damaged("another log begins in the midst of the file".into()));
             }
             if let Some(hasher) = &mut self.log.data_crc {
                 hasher.update(MAGIC);
@@ -463,14 +428,11 @@ impl Framing for Records<'_, '_, '_, '_> {
 
     fn fault(&self, bytes: &[u8]) -> Cow<'static, str> {
         let log = &self.log;
-        if self.logs >= MOST_LOGS {
-            return "too many logs in one file".into();
-        }
         if !self.has_begun {
             return wrong_start(bytes.get(..MAGIC.len() + 1).unwrap_or(bytes), MAGIC, WRONG_START).into();
         }
         match Head::of(bytes, 0) {
-            _ if log.end.is_some() => "bytes after the end of the log".into(),
+            _ if log.has_end => "bytes after the end of the log".into(),
             _ if log.footer_seen => "the last eight bytes of the file are missing".into(),
             None => "the file ends inside the header of a record".into(),
             Some(head) if head.opcode == 0 || !head.fits_its_type() => NO_RECORD.into(),
@@ -500,7 +462,7 @@ impl State {
         } else if !self.data_ended && !self.damaged {
             let text = "the record that ends the data is missing: another record covers it, or it was never written";
             notices.push(Code::IncompleteRecording.at(Severity::Warning), file, 1, text);
-        } else if self.end.is_none() && !self.damaged {
+        } else if !self.has_end && !self.damaged {
             notices.push(Code::IncompleteRecording, file, 1, "the file is truncated directly after its footer");
         }
         if self.summary.trust == summary::Trust::Bad {

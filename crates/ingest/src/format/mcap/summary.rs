@@ -44,8 +44,6 @@ pub(super) struct IndexedChunk {
 /// What the end of a log states about the rest of it.
 #[derive(Debug, Default)]
 pub(super) struct Summary {
-    /// Start of the log in the file: its offsets count from there.
-    start: u64,
     pub(super) trust: Trust,
     /// Checksum of the data section: 0 means that there is nothing to check.
     pub(super) data_crc: Option<u32>,
@@ -58,16 +56,10 @@ pub(super) struct Summary {
 }
 
 impl Summary {
-    /// Reads the summary of a log with this start and end in the file; channels of a trusted summary are passed to
-    /// `channels`. No record may be longer than `most`.
-    pub(super) fn read(
-        file: &mut LogFile,
-        log: Range<u64>,
-        most: u64,
-        channels: &mut Channels<'_, '_>,
-    ) -> Result<Summary, ScanError> {
-        let Some(place) = Place::find(file, &log)? else { return Ok(Summary::default()) };
-        let mut summary = Summary { start: log.start, ..Summary::default() };
+    /// Reads the summary at the end of a file; channels of a trusted summary are passed to `channels`. No record may be longer than `most`.
+    pub(super) fn read(file: &mut LogFile, most: u64, channels: &mut Channels<'_, '_>) -> Result<Summary, ScanError> {
+        let Some(place) = Place::find(file)? else { return Ok(Summary::default()) };
+        let mut summary = Summary::default();
         let data_end = place.start.unwrap_or(place.footer).checked_sub(HEAD_BYTES + DATA_END_BYTES);
         summary.data_crc = match data_end {
             Some(at) => data_crc(file, at)?,
@@ -134,7 +126,7 @@ impl Summary {
                 let wanted = self.trust != Trust::Good
                     || listed.is_empty()
                     || listed.keys().any(|&channel| channels.may_want(channel));
-                let (offset, length) = (self.start.checked_add(index.chunk_start_offset)?, index.chunk_length);
+                let (offset, length) = (index.chunk_start_offset, index.chunk_length);
                 self.chunks.push(IndexedChunk { offset, length, wanted });
             }
             _ => {}
@@ -187,20 +179,19 @@ struct Place {
 
 impl Place {
     /// `None` if the log does not end properly.
-    fn find(file: &mut LogFile, log: &Range<u64>) -> Result<Option<Place>, ScanError> {
+    fn find(file: &mut LogFile) -> Result<Option<Place>, ScanError> {
         let tail = HEAD_BYTES + FOOTER_BYTES + MAGIC.len() as u64;
-        let Some(footer) = log.end.checked_sub(tail).filter(|&at| at >= log.start) else { return Ok(None) };
+        let Some(footer) = file.size().checked_sub(tail) else { return Ok(None) };
         let Some(bytes) = file.bytes(footer, tail as usize)? else { return Ok(None) };
-        Ok(Place::parse(log.start, footer, bytes))
+        Ok(Place::parse(footer, bytes))
     }
 
-    fn parse(log_start: u64, footer: u64, bytes: &[u8]) -> Option<Place> {
+    fn parse(footer: u64, bytes: &[u8]) -> Option<Place> {
         let mut rest = Bytes(bytes);
         let head = (rest.u8()?, rest.u64()?);
         let (start, _offsets, crc) = (rest.u64()?, rest.u64()?, rest.u32()?);
         let whole = head == (op::FOOTER, FOOTER_BYTES) && rest.0 == MAGIC;
-        // An offset past the largest possible file is invalid.
-        let start = (start != 0).then(|| log_start.saturating_add(start));
+        let start = (start != 0).then_some(start);
         whole.then_some(Place { footer, start, crc })
     }
 

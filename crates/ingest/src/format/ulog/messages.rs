@@ -81,7 +81,10 @@ impl<'f, 'w> Messages<'f, 'w> {
     pub(super) fn finish(mut self) {
         self.end_log();
         self.health.format = format!("ULog {}", self.version);
-        crate::format::report_logs(self.file, self.logs, self.notices);
+        if self.logs > 1 {
+            let text = "this file holds several logs, one after another; all were read";
+            self.notices.push(Code::SeveralSessions, self.file, self.logs, text);
+        }
     }
 }
 
