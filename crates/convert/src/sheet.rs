@@ -10,7 +10,7 @@ pub use parquet::{
 pub(crate) use text::with_zero_bytes;
 pub use text::write_csv;
 
-use ingest::{Text, Texts, Values};
+use ingest::{Texts, Values};
 
 /// Columns of equal length.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -75,13 +75,13 @@ impl TextCells {
 
     /// The text of a row.
     #[must_use]
-    pub fn get(&self, row: usize) -> Option<Text<'_>> {
+    pub fn get(&self, row: usize) -> Option<&str> {
         let is_given = self.given.as_ref().is_none_or(|given| given.get(row) == Some(&true));
         self.texts.get(row).filter(|_| is_given)
     }
 
     /// The text of each row.
-    pub fn iter(&self) -> impl ExactSizeIterator<Item = Option<Text<'_>>> + Clone {
+    pub fn iter(&self) -> impl ExactSizeIterator<Item = Option<&str>> + Clone {
         (0..self.len()).map(|row| self.get(row))
     }
 }

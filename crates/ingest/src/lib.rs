@@ -44,5 +44,5 @@ pub use reader::{
 };
 pub use sniff::LogKind;
 pub use table::{Column, ColumnData, PAYLOAD_HEX, Places, Table, TopicInfo};
-pub use texts::{Text, Texts};
+pub use texts::Texts;
 pub use values::Values;

@@ -1,6 +1,6 @@
 //! Columns of one topic, with rows in the order of the log.
 
-use crate::texts::{Text, Texts};
+use crate::texts::Texts;
 
 /// The column of undecoded messages: their bytes in hexadecimal digits.
 pub const PAYLOAD_HEX: &str = "payload_hex";
@@ -166,7 +166,7 @@ impl Column {
 
     /// The value as text.
     #[must_use]
-    pub fn text(&self, row: usize) -> Option<Text<'_>> {
+    pub fn text(&self, row: usize) -> Option<&str> {
         if !self.is_valid(row) {
             return None;
         }

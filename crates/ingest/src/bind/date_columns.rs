@@ -5,7 +5,6 @@ use super::time_of_day::{DAY_NS, TimesOfDay};
 use crate::civil::{DateOrder, DayOfYear, plain_date, says_zone, unix_ns};
 use crate::map::TimeSource;
 use crate::table::{Column, Table, numbers, texts};
-use crate::texts::Text;
 use crate::time::redate_days;
 use flight::{Code, GPS_EPOCH_UNIX_S, NANOS_PER_SECOND, Severity};
 use jiff::civil::Date;
@@ -56,7 +55,7 @@ impl<'a> Civil<'a> {
     }
 
     /// The order of ambiguous dates, and the date that proves it if the map does not state it.
-    fn order(&self, rows: usize) -> Result<Option<(DateOrder, Option<Text<'a>>)>, Text<'a>> {
+    fn order(&self, rows: usize) -> Result<Option<(DateOrder, Option<&'a str>)>, &'a str> {
         match self.order {
             Some(order) => Ok(Some((order, None))),
             None => {

@@ -15,7 +15,6 @@ use super::ros::Plan;
 use super::rows::Rows;
 use super::schema::{Dialect, Schema};
 use crate::table::{Column, ColumnData, Table};
-use crate::texts::Text;
 use std::collections::BTreeSet;
 
 /// The encoding name of such a definition.
@@ -111,7 +110,7 @@ impl Column {
             ColumnData::I64(values) => blank(values, valid),
             ColumnData::U64(values) => blank(values, valid),
             ColumnData::Text(values) => {
-                let kept = values.iter().zip(valid).map(|(text, valid)| if *valid { text } else { Text::default() });
+                let kept = values.iter().zip(valid).map(|(text, valid)| if *valid { text } else { "" });
                 *values = kept.collect();
             }
         }
