@@ -1,135 +1,26 @@
-//! The messages that are read, in u-blox terms (interface descriptions of protocol 15 to 34).
+//! The messages that are read.
 
 use crate::decode::packed::{Layout, PackedField, PackedKind};
 use crate::decode::schema::Number;
+use std::sync::LazyLock;
 
-/// Class, number, name, shortest payload, and fields in their order.
-const MESSAGES: &[(u8, u8, &str, usize, &str)] = &[
-    (0x01, 0x01, "NAV-POSECEF", 20, "U4 iTOW, I4 ecefX, I4 ecefY, I4 ecefZ, U4 pAcc"),
-    (0x01, 0x02, "NAV-POSLLH", 28, "U4 iTOW, I4 lon, I4 lat, I4 height, I4 hMSL, U4 hAcc, U4 vAcc"),
-    (0x01, 0x03, "NAV-STATUS", 16, "U4 iTOW, U1 gpsFix, U1 flags, U1 fixStat, U1 flags2, U4 ttff, U4 msss"),
-    (0x01, 0x04, "NAV-DOP", 18, "U4 iTOW, U2 gDOP, U2 pDOP, U2 tDOP, U2 vDOP, U2 hDOP, U2 nDOP, U2 eDOP"),
-    (
-        0x01,
-        0x05,
-        "NAV-ATT",
-        32,
-        "U4 iTOW, U1 version, U3 -, I4 roll, I4 pitch, I4 heading, U4 accRoll, U4 accPitch, U4 accHeading",
-    ),
-    (
-        0x01,
-        0x06,
-        "NAV-SOL",
-        52,
-        "U4 iTOW, I4 fTOW, I2 week, U1 gpsFix, U1 flags, I4 ecefX, I4 ecefY, I4 ecefZ, U4 pAcc, I4 ecefVX, I4 ecefVY, \
-         I4 ecefVZ, U4 sAcc, U2 pDOP, U1 -, U1 numSV",
-    ),
-    (0x01, 0x07, "NAV-PVT", 84, PVT),
-    (0x01, 0x11, "NAV-VELECEF", 20, "U4 iTOW, I4 ecefVX, I4 ecefVY, I4 ecefVZ, U4 sAcc"),
-    (
-        0x01,
-        0x12,
-        "NAV-VELNED",
-        36,
-        "U4 iTOW, I4 velN, I4 velE, I4 velD, U4 speed, U4 gSpeed, I4 heading, U4 sAcc, U4 cAcc",
-    ),
-    (
-        0x01,
-        0x14,
-        "NAV-HPPOSLLH",
-        36,
-        "U1 version, U2 -, U1 flags, U4 iTOW, I4 lon, I4 lat, I4 height, I4 hMSL, I1 lonHp, I1 latHp, I1 heightHp, \
-         I1 hMSLHp, U4 hAcc, U4 vAcc",
-    ),
-    (
-        0x01,
-        0x13,
-        "NAV-HPPOSECEF",
-        28,
-        "U1 version, U3 -, U4 iTOW, I4 ecefX, I4 ecefY, I4 ecefZ, I1 ecefXHp, I1 ecefYHp, I1 ecefZHp, U1 flags, U4 pAcc",
-    ),
-    (
-        0x01,
-        0x17,
-        "NAV-PVAT",
-        116,
-        "U4 iTOW, U1 version, U1 valid, U2 year, U1 month, U1 day, U1 hour, U1 min, U1 sec, U3 -, U4 tAcc, I4 nano, \
-         U1 fixType, U1 flags, U1 flags2, U1 numSV, I4 lon, I4 lat, I4 height, I4 hMSL, U4 hAcc, U4 vAcc, I4 velN, \
-         I4 velE, I4 velD, I4 gSpeed, U4 sAcc, I4 vehRoll, I4 vehPitch, I4 vehHeading, I4 motHeading, U2 accRoll, \
-         U2 accPitch, U2 accHeading, I2 magDec, U2 magAcc, U2 errEllipseOrient, U4 errEllipseMajor, U4 errEllipseMinor",
-    ),
-    (0x01, 0x20, "NAV-TIMEGPS", 16, "U4 iTOW, I4 fTOW, I2 week, I1 leapS, U1 valid, U4 tAcc"),
-    (
-        0x01,
-        0x21,
-        "NAV-TIMEUTC",
-        20,
-        "U4 iTOW, U4 tAcc, I4 nano, U2 year, U1 month, U1 day, U1 hour, U1 min, U1 sec, U1 valid",
-    ),
-    (0x0d, 0x01, "TIM-TP", 16, "U4 towMS, U4 towSubMS, I4 qErr, U2 week, U1 flags, U1 refInfo"),
-    (
-        0x0d,
-        0x03,
-        "TIM-TM2",
-        28,
-        "U1 ch, U1 flags, U2 count, U2 wnR, U2 wnF, U4 towMsR, U4 towSubMsR, U4 towMsF, U4 towSubMsF, U4 accEst",
-    ),
-    (
-        0x10,
-        0x15,
-        "ESF-INS",
-        36,
-        "U4 flags, U4 -, U4 iTOW, I4 xAngRate, I4 yAngRate, I4 zAngRate, I4 xAccel, I4 yAccel, I4 zAccel",
-    ),
-    (
-        0x28,
-        0x00,
-        "HNR-PVT",
-        72,
-        "U4 iTOW, U2 year, U1 month, U1 day, U1 hour, U1 min, U1 sec, U1 valid, I4 nano, U1 gpsFix, U1 flags, U2 -, \
-         I4 lon, I4 lat, I4 height, I4 hMSL, I4 gSpeed, I4 speed, I4 headMot, I4 headVeh, U4 hAcc, U4 vAcc, U4 sAcc, \
-         U4 headAcc",
-    ),
-    (
-        0x28,
-        0x01,
-        "HNR-ATT",
-        32,
-        "U4 iTOW, U1 version, U3 -, I4 roll, I4 pitch, I4 heading, U4 accRoll, U4 accPitch, U4 accHeading",
-    ),
-    (
-        0x28,
-        0x02,
-        "HNR-INS",
-        36,
-        "U4 flags, U4 -, U4 iTOW, I4 xAngRate, I4 yAngRate, I4 zAngRate, I4 xAccel, I4 yAccel, I4 zAccel",
-    ),
-    (0x29, 0x07, "NAV2-PVT", 92, PVT),
-];
-
-/// Fields of NAV-PVT and of NAV2-PVT, which is the same for a second solution, without dead reckoning.
-const PVT: &str = "U4 iTOW, U2 year, U1 month, U1 day, U1 hour, U1 min, U1 sec, U1 valid, U4 tAcc, I4 nano, U1 fixType, U1 flags, \
-         U1 flags2, U1 numSV, I4 lon, I4 lat, I4 height, I4 hMSL, U4 hAcc, U4 vAcc, I4 velN, I4 velE, I4 velD, \
-         I4 gSpeed, I4 headMot, U4 sAcc, U4 headAcc, U2 pDOP";
+/// One line per message.
+const TABLE: &str = include_str!("messages.txt");
 
 /// Classes by number.
-const CLASSES: &[(u8, &str)] = &[
-    (0x01, "NAV"),
-    (0x02, "RXM"),
-    (0x04, "INF"),
-    (0x05, "ACK"),
-    (0x06, "CFG"),
-    (0x09, "UPD"),
-    (0x0a, "MON"),
-    (0x0b, "AID"),
-    (0x0d, "TIM"),
-    (0x10, "ESF"),
-    (0x13, "MGA"),
-    (0x21, "LOG"),
-    (0x27, "SEC"),
-    (0x28, "HNR"),
-    (0x29, "NAV2"),
-];
+const CLASSES: &str =
+    "01:NAV 02:RXM 04:INF 05:ACK 06:CFG 09:UPD 0a:MON 0b:AID 0d:TIM 10:ESF 13:MGA 21:LOG 27:SEC 28:HNR 29:NAV2";
+
+/// Class and number of each message that is read, and the message.
+static MESSAGES: LazyLock<Vec<((u8, u8), Message)>> = LazyLock::new(|| TABLE.lines().filter_map(parse).collect());
+
+fn parse(line: &'static str) -> Option<((u8, u8), Message)> {
+    let (head, fields) = line.split_once(": ")?;
+    let mut words = head.split(' ');
+    let mut byte = || u8::from_str_radix(words.next()?, 16).ok();
+    let key = (byte()?, byte()?);
+    Some((key, Message { name: words.next()?, shortest: words.next()?.parse().ok()?, fields }))
+}
 
 /// A message that is read.
 #[derive(Debug, Clone, Copy)]
@@ -165,8 +56,7 @@ const FRONT_CARRIER: usize = FRONT + 1;
 impl Message {
     /// `None` for a message that is only counted.
     pub(super) fn of(class: u8, number: u8) -> Option<Message> {
-        let found = MESSAGES.iter().find(|m| (m.0, m.1) == (class, number));
-        found.map(|&(_, _, name, shortest, fields)| Message { name, shortest, fields })
+        MESSAGES.iter().find(|(key, _)| *key == (class, number)).map(|(_, message)| *message)
     }
 
     /// Field names of [`Derived::place`], if it is prepended.
@@ -249,8 +139,8 @@ pub(super) fn name(class: u8, number: u8) -> String {
     if let Some(message) = Message::of(class, number) {
         return message.name.to_owned();
     }
-    match CLASSES.iter().find(|(known, _)| *known == class) {
-        Some((_, class)) => format!("{class}-0x{number:02X}"),
+    match CLASSES.split(' ').find_map(|known| known.strip_prefix(&format!("{class:02x}:"))) {
+        Some(class) => format!("{class}-0x{number:02X}"),
         None => format!("0x{class:02X}-0x{number:02X}"),
     }
 }
@@ -261,7 +151,8 @@ mod tests {
 
     #[test]
     fn layouts_have_the_lengths_of_the_interface_description() {
-        for &(class, number, name, shortest, _) in MESSAGES {
+        assert_eq!(MESSAGES.len(), TABLE.lines().filter(|line| !line.starts_with('#')).count());
+        for &((class, number), Message { name, shortest, .. }) in MESSAGES.iter() {
             let layout = Message::of(class, number).unwrap().layout();
             let end = layout.fields.iter().map(|f| f.offset + f.kind.size()).max().unwrap();
             // NAV-PVT has 84 bytes in protocols 14 and 15, and these end in reserved fields, or fields that are not
