@@ -149,7 +149,7 @@ fn an_invalid_value_is_rejected_with_its_line_and_what_is_expected() {
         assert!(error.what.contains(right), "{lines}: {error}");
     }
     assert_eq!(parse(&SMALL.replace("schema = 1", "schema = 2")).unwrap_err().line, Some(1));
-    assert_eq!(parse(&SMALL.replace("MTi-G", " ")).unwrap_err().line, Some(3));
+    assert_eq!(parse(&SMALL.replace("MTi-G", " ")).unwrap_err().line, Some(2));
     assert_eq!(parse(&SMALL.replace("1.3", "1300.0")).unwrap_err().line, Some(5));
 }
 
