@@ -25,7 +25,7 @@ mod wraps;
 pub(crate) use self::attitude::from_euler;
 pub use self::times::{RowTimes, TableTimes, row_times};
 
-use self::bound_rows::{StepBack, bind_rows, take_rows};
+use self::bound_rows::{bind_rows, take_rows};
 use self::indexed_plan::IndexedPlan;
 use self::plan::Plan;
 use self::restarts::Joined;
@@ -35,7 +35,6 @@ use crate::error::IngestError;
 use crate::map::{BENCH_ALONE, ChannelMap, MapLibrary, TimeSource};
 use crate::reader::Log;
 use crate::table::Table;
-use crate::time::set_back_for;
 use crate::values::Values;
 use flight::{Binding, ChannelHealth, Clock, Code, Flight, MapCandidate, Notices, Severity, StampKind};
 use std::collections::BTreeSet;
@@ -155,7 +154,7 @@ fn make(chosen: Chosen<'_>, log: &mut Log) -> (Flight, Binding) {
         }
         apart.extend(bound.apart.into_iter().map(|offset| (bound.health.clone(), offset)));
         coarse.extend(bound.coarse_s.map(|step_s| (bound.health.clone(), step_s)));
-        back = back.into_iter().chain(bound.back).max_by(|a, b| a.length_s.total_cmp(&b.length_s));
+        back = back.into_iter().chain(bound.back_s).reduce(f64::max);
         channels.push(bound.health);
     }
     stamp_notices::note_apart(&apart, &mut flight.notices);
@@ -205,7 +204,7 @@ fn note_tie(tied: &Tied, notices: &mut Notices) {
 }
 
 /// One notice for all channels whose timestamps go back; the number of jumps of each is in its health.
-fn note_back_jumps(channels: &[ChannelHealth], longest: Option<StepBack>, notices: &mut Notices) {
+fn note_back_jumps(channels: &[ChannelHealth], longest_s: Option<f64>, notices: &mut Notices) {
     let jumps = |c: &ChannelHealth| c.stamps.as_ref().map_or(0, |s| s.back_jumps);
     let back: Vec<&ChannelHealth> = channels.iter().filter(|c| jumps(c) > 0).collect();
     let Some(first) = back.first() else { return };
@@ -215,10 +214,7 @@ fn note_back_jumps(channels: &[ChannelHealth], longest: Option<StepBack>, notice
         1 => first.source.topic.clone(),
         several => format!("{} and {} more", first.source.topic, several - 1),
     };
-    let longest = longest.map_or(String::new(), |longest| {
-        let why = set_back_for(longest.length_s, longest.step_s).map_or(String::new(), |why| format!(", {why}"));
-        format!(", by {:.3} s at most{why}", longest.length_s)
-    });
+    let longest = longest_s.map_or(String::new(), |back_s| format!(", by {back_s:.3} s at most"));
     let text = format!("{which}: timestamps go back{longest}; the rows were sorted by timestamp");
     notices.push(Code::UnreliableStamps, place, back.iter().copied().map(jumps).sum(), text);
 }

@@ -7,7 +7,7 @@ mod week;
 mod wrap;
 
 pub(crate) use midnight::redate_days;
-pub(crate) use suspect::{SaidDates, Since, set_back_for, suspicion};
+pub(crate) use suspect::{SaidDates, Since, suspicion};
 pub(crate) use tie::tie;
 pub(crate) use week::{Week, WeekCount, redate_weeks};
 pub(crate) use wrap::{TOLERATED, unwrap};

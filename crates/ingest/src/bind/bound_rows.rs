@@ -28,25 +28,15 @@ pub(super) struct Bound {
     pub(super) apart: Vec<StampOffset>,
     /// The resolution of timestamps that several rows share.
     pub(super) coarse_s: Option<f64>,
-    pub(super) back: Option<StepBack>,
+    /// The longest step back of its timestamps, in the order of the log, with the time between two rows.
+    pub(super) back_s: Option<f64>,
     pub(super) notices: Notices,
 }
 
-/// The longest step back of a channel's timestamps, in the order of the log.
-#[derive(Clone, Copy)]
-pub(super) struct StepBack {
-    /// How far the clock was set back: the time between two rows is added.
-    pub(super) length_s: f64,
-    /// Between two rows.
-    pub(super) step_s: f64,
-}
-
-impl StepBack {
-    fn of(stamps: &[i64], logged: &StampHealth) -> Option<StepBack> {
-        let step_s = logged.steps_s.map(|steps| steps.median)?;
-        let back = stamps.windows(2).map(|pair| -seconds_between(pair)).fold(0.0, f64::max);
-        (back > 0.0).then_some(StepBack { length_s: back + step_s, step_s })
-    }
+fn step_back_s(stamps: &[i64], logged: &StampHealth) -> Option<f64> {
+    let step_s = logged.steps_s.map(|steps| steps.median)?;
+    let back_s = stamps.windows(2).map(|pair| -seconds_between(pair)).fold(0.0, f64::max);
+    (back_s > 0.0).then_some(back_s + step_s)
 }
 
 /// Rows that are not used, by reason, in the order in which the reasons first occur.
@@ -97,7 +87,7 @@ pub(super) fn bind_rows(plan: &Plan<'_>, taken: Taken) -> Bound {
     let columns: Vec<Option<&Found<'_>>> = columns.collect();
     let Some(primary) = plan.stamps.first() else { return unusable(plan, &columns, rejects, notices) };
     let mut samples = samples.stamped(|row| primary.nanos.get(row).unwrap_or_default());
-    let (stamps, back) = put_in_order(plan, primary, &mut samples, &mut rejects);
+    let (stamps, back_s) = put_in_order(plan, primary, &mut samples, &mut rejects);
     let coarse_s = coarse(&rejects, samples.stamps());
     assumptions(plan, &columns, &mut notices);
     report(plan, &rejects, samples.is_empty(), coarse_s.is_some(), &mut notices);
@@ -109,7 +99,7 @@ pub(super) fn bind_rows(plan: &Plan<'_>, taken: Taken) -> Bound {
     health.offsets = near;
     health.held = held_health;
     let channel = channel_of(plan, primary, &columns, samples, held, coarse_s, &mut notices);
-    Bound { channel, health, apart, coarse_s, back, notices }
+    Bound { channel, health, apart, coarse_s, back_s, notices }
 }
 
 /// Drops rows with timestamps far from the others and sorts the rest. Returns their health and their longest step back.
@@ -118,10 +108,10 @@ fn put_in_order(
     primary: &Stamps,
     samples: &mut Samples,
     rejects: &mut Rejects,
-) -> (Option<StampHealth>, Option<StepBack>) {
+) -> (Option<StampHealth>, Option<f64>) {
     order::leave_out_far(samples, primary.clock, &mut |why, row| rejects.add(why.text(), || place(plan, row)));
     let as_logged = describe(primary, samples);
-    let back = as_logged.as_ref().and_then(|logged| StepBack::of(samples.stamps(), logged));
+    let back = as_logged.as_ref().and_then(|logged| step_back_s(samples.stamps(), logged));
     order::sort(samples, &mut |why, row| rejects.add(why.text(), || place(plan, row)));
     (as_logged.map(|logged| as_used(logged, primary, samples)), back)
 }
@@ -155,7 +145,7 @@ fn unusable(plan: &Plan<'_>, columns: &[Option<&Found<'_>>], rejects: Rejects, n
         health: health_of(plan, columns, rejects, 0),
         apart: vec![],
         coarse_s: None,
-        back: None,
+        back_s: None,
         notices,
     }
 }

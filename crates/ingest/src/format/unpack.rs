@@ -28,8 +28,9 @@ use std::marker::PhantomData;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// Unpacked in one go; the user can stop in between.
+/// Read in one go, and unpacked in one go: of a step that fails Zstandard gives nothing.
 const STEP: usize = 256 << 10;
+const UNPACKED_STEP: usize = 16 << 10;
 /// Maximum archive members that are examined, and maximum memory for their first bytes.
 const MOST_MEMBERS: usize = 1000;
 const MOST_HEADS: usize = 16 << 20;
@@ -179,36 +180,7 @@ fn decoder<'r>(packing: Packing, packed: impl BufRead + 'r, bad: &'r Cell<u64>) 
 fn zstandard<'r>(packed: impl BufRead + 'r) -> Result<Box<dyn Read + 'r>, String> {
     let mut decoder = zstd::stream::read::Decoder::with_buffer(packed).map_err(|e| e.to_string())?;
     decoder.window_log_max(WINDOW_LOG).map_err(|e| e.to_string())?;
-    Ok(Box::new(SmallSteps { inner: decoder, fault: None }))
-}
-
-/// Reads in small steps, so that little is lost with a failing one: `zstd` returns nothing of it.
-struct SmallSteps<R> {
-    inner: R,
-    fault: Option<io::Error>,
-}
-
-impl<R: Read> Read for SmallSteps<R> {
-    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        const SMALL: usize = 1 << 10;
-        if let Some(fault) = self.fault.take() {
-            return Err(fault);
-        }
-        let mut filled = 0;
-        while let Some(rest) = buffer.get_mut(filled..).filter(|rest| !rest.is_empty()) {
-            let step = rest.len().min(SMALL);
-            match self.inner.read(rest.get_mut(..step).unwrap_or_default()) {
-                Ok(0) => break,
-                Ok(got) => filled += got,
-                Err(fault) if filled == 0 => return Err(fault),
-                Err(fault) => {
-                    self.fault = Some(fault);
-                    break;
-                }
-            }
-        }
-        Ok(filled)
-    }
+    Ok(Box::new(decoder))
 }
 
 /// Unpacks one of several parts in sequence: a member of gzip (RFC 1952, 2.2), a stream of bzip2, a frame of
@@ -474,7 +446,7 @@ impl<'c> Unpacking<'c> {
     fn copy(&mut self, piece: &Piece<'_>, target: &Path, mut decoder: Box<dyn Read + '_>) -> Result<(), IngestError> {
         let Piece { path, size, packing, at, .. } = *piece;
         let mut out = File::create(target).map_err(|e| IngestError::of_file(target, e))?;
-        let mut buffer = vec![0; STEP];
+        let mut buffer = vec![0; UNPACKED_STEP];
         let (mut reported, mut bytes) = (piece.place.start, 0_u64);
         let fault = loop {
             let got = match decoder.read(&mut buffer) {

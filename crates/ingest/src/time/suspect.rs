@@ -45,20 +45,6 @@ pub(crate) fn suspicion(offset: &Distribution, at: Stamp) -> Option<String> {
     Some(format!("the clocks differ by {:.3} s: {text}", offset.median))
 }
 
-/// Why a clock was set back, if a step back of this length has a known reason. Rows with steps of `step_s` give no
-/// reason where that is as long as a leap second.
-pub(crate) fn set_back_for(back_s: f64, step_s: f64) -> Option<&'static str> {
-    let quarters = (back_s / QUARTER_S).round();
-    let seconds = back_s.round();
-    if (1.0..=4.0 * 14.0).contains(&quarters) && (back_s - quarters * QUARTER_S).abs() <= SLACK_S {
-        Some("as when a clock is set to another time zone, or to winter time")
-    } else if step_s < SLACK_S && (1.0..=18.0).contains(&seconds) && (back_s - seconds).abs() <= EXACT_S {
-        Some("as when a receiver receives the leap seconds")
-    } else {
-        None
-    }
-}
-
 /// The first day on which a receiver can have reported something, and why.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Since {
@@ -168,24 +154,6 @@ mod tests {
         ] {
             let text = suspicion_of(offset).unwrap_or_default();
             assert!(text.contains(word), "{offset}: {text}");
-        }
-    }
-
-    #[test]
-    fn a_step_back_by_a_zone_or_leap_seconds_is_recognised() {
-        for (back, step, word) in [
-            (3600.02, 0.2, Some("winter")),
-            (7200.0, 1.0, Some("zone")),
-            (3.0, 0.2, Some("leap")),
-            (17.95, 0.05, Some("leap")),
-            (3.0, 1.0, None),
-            (3.4, 0.2, None),
-            (0.3, 0.2, None),
-            (25.0, 0.2, None),
-            (86_400.0, 0.2, None),
-        ] {
-            let why = set_back_for(back, step);
-            assert_eq!(why.map(|why| word.is_some_and(|word| why.contains(word))), word.map(|_| true), "{back} {step}");
         }
     }
 

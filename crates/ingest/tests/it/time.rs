@@ -541,16 +541,11 @@ fn a_coarse_clock_is_reported_with_its_resolution() {
 }
 
 #[test]
-fn a_clock_set_back_is_reported_with_amount_and_likely_cause() {
+fn a_clock_set_back_is_reported_with_amount() {
     let time = "measured = [{ field = \"t\", unit = \"ms\", clock = \"unix\" }]";
-    for (back_ms, reported) in [
-        (
-            3_600_000,
-            ", by 3600.000 s at most, as when a clock is set to another time zone, or to winter time; the rows",
-        ),
-        (3000, ", by 3.000 s at most, as when a receiver receives the leap seconds; the rows"),
-        (340, ", by 0.340 s at most; the rows"),
-    ] {
+    for (back_ms, reported) in
+        [(3_600_000, ", by 3600.000 s at most; the rows"), (340, ", by 0.340 s at most; the rows")]
+    {
         let row = |i: i64| {
             let ms = 1_700_000_000_000 + 100 * i - if i < 100 { 0 } else { back_ms };
             format!("{ms},3,47.{i:04},8.5\n")

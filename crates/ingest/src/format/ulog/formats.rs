@@ -68,8 +68,6 @@ pub(super) struct Extent {
     /// Without the padding at its end, which PX4 does not write.
     pub(super) shortest: usize,
     pub(super) full: usize,
-    /// Other possible ends, between several paddings at the end.
-    pub(super) between: [Option<usize>; 2],
     pub(super) stamp: Option<Stamp>,
 }
 
@@ -79,7 +77,7 @@ impl Extent {
     #[inline]
     pub(super) fn fits(&self, body: &[u8]) -> bool {
         let length = body.len().saturating_sub(2);
-        length == self.shortest || length == self.full || self.between.contains(&Some(length))
+        length == self.shortest || length == self.full
     }
 }
 
@@ -177,9 +175,7 @@ impl Formats {
                 return Err(format!("the field {:.128} of {name:.128} does not fit into a message", field.name));
             }
             if !field.is_padding() {
-                (extent.shortest, extent.between) = (size as usize, [None; 2]);
-            } else if let Some(end) = extent.between.iter_mut().find(|end| end.is_none()) {
-                *end = Some(size as usize);
+                extent.shortest = size as usize;
             }
         }
         extent.full = size as usize;
@@ -307,7 +303,7 @@ mod tests {
         ]);
         let extent = formats.extent("esc_status").unwrap();
         let stamp = Some(Stamp { offset: 0, number: Number::U64 });
-        assert_eq!(extent, Extent { shortest: 29, full: 36, between: [Some(36), None], stamp });
+        assert_eq!(extent, Extent { shortest: 29, full: 36, stamp });
         let layout = formats.layout("esc_status", &Wanted::All).unwrap();
         let places: Vec<(&str, usize)> = layout.fields.iter().map(|f| (f.path.as_str(), f.offset)).collect();
         let expected = [
