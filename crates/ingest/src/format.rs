@@ -36,7 +36,7 @@ pub(crate) use unpack::{ENDINGS as PACKED_ENDINGS, Packing, members, named_text}
 
 use crate::bytes::is_zero;
 use crate::decode::{Tally, Topics};
-use crate::error::IngestError;
+use crate::error::{IngestError, file_name};
 use crate::reader::{Limits, Log, ReadContext, Select};
 use flight::{Code, Notices, Severity};
 use logscan::{Ledger, LogFile, MOST_ZEROS, Source};
@@ -169,20 +169,36 @@ fn report_preamble(bytes: u64, notices: &mut Notices) {
 
 /// State that the readers of message formats share.
 struct Reading<'w> {
-    files: Vec<LogFile>,
+    /// The first file.
+    name: String,
     ledger: Ledger,
     notices: Notices,
     topics: Topics<'w>,
 }
 
 impl<'w> Reading<'w> {
-    /// Opens the files.
-    fn begin(paths: &[PathBuf], want: &'w dyn Select, context: &ReadContext<'_>) -> Result<Reading<'w>, IngestError> {
-        let files = paths.iter().map(|path| LogFile::open(path)).collect::<Result<Vec<_>, _>>()?;
+    fn begin(files: &[LogFile], want: &'w dyn Select, context: &ReadContext<'_>) -> Reading<'w> {
+        let name = files.first().map_or("", LogFile::name).to_owned();
         let size = files.iter().map(LogFile::size).sum();
         let topics = Topics::new(want, context.limits.topics, size);
         let ledger = Ledger::new(size, context.limits.listed_damage).timed_by(topics.log_time());
-        Ok(Reading { files, ledger, notices: Notices::new(), topics })
+        Reading { name, ledger, notices: Notices::new(), topics }
+    }
+
+    /// Opens the only file of a log in a format that is never split.
+    fn open(
+        paths: &[PathBuf],
+        want: &'w dyn Select,
+        context: &ReadContext<'_>,
+    ) -> Result<(LogFile, Reading<'w>), IngestError> {
+        let [path] = paths else {
+            let file = paths.first().map_or(String::new(), |path| file_name(path));
+            let what = format!("a log of this format is one file, but {} were given", paths.len());
+            return Err(IngestError::Unusable { file, what });
+        };
+        let file = LogFile::open(path)?;
+        let reading = Reading::begin(std::slice::from_ref(&file), want, context);
+        Ok((file, reading))
     }
 
     /// Assembles the log. A log with nothing intact is an error; an empty but complete one
@@ -194,10 +210,10 @@ impl<'w> Reading<'w> {
         self.topics.finish(&mut log);
         let first = log.notices.iter().find(|n| n.severity == Severity::Loss);
         match first {
-            Some(loss) if log.health.messages == 0 => {
-                let file = self.files.first().map_or("", LogFile::name).to_owned();
-                Err(IngestError::Unusable { file, what: format!("nothing in the file is intact: {}", loss.text) })
-            }
+            Some(loss) if log.health.messages == 0 => Err(IngestError::Unusable {
+                file: self.name,
+                what: format!("nothing in the file is intact: {}", loss.text),
+            }),
             _ => Ok(log),
         }
     }

@@ -16,20 +16,17 @@ use crate::reader::{Log, ReadContext, Select};
 use logscan::{LogFile, Source, scan};
 use std::path::PathBuf;
 
-/// Reads one ROS 1 bag, or several that make up one flight.
+/// Reads a ROS 1 bag.
 pub(crate) fn read(files: &[PathBuf], want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
-    let Reading { mut files, mut ledger, mut notices, mut topics } = Reading::begin(files, want, context)?;
+    let (mut file, Reading { name, mut ledger, mut notices, mut topics }) = Reading::open(files, want, context)?;
     let mut log = Log::default();
-    for file in &mut files {
-        check_version(file, context)?;
-        check_encryption(file)?;
-        let name = file.name().to_owned();
-        let mut records = Records::new(&name, file, context, &mut topics, &mut notices);
-        scan(file, &mut ledger, context, &mut records)?;
-        log.health.undecodable += records.finish();
-    }
+    check_version(&mut file, context)?;
+    check_encryption(&mut file)?;
+    let mut records = Records::new(&name, &file, context, &mut topics, &mut notices);
+    scan(&mut file, &mut ledger, context, &mut records)?;
+    log.health.undecodable = records.finish();
     log.health.format = "ROS 1 bag 2.0".to_owned();
-    Reading { files, ledger, notices, topics }.conclude(log)
+    Reading { name, ledger, notices, topics }.conclude(log)
 }
 
 fn check_version(file: &mut LogFile, context: &ReadContext<'_>) -> Result<(), IngestError> {

@@ -24,27 +24,24 @@ use std::path::PathBuf;
 /// Maximum topics in one log: there are fewer than 256 types, with few instances of each.
 const MOST_TOPICS: usize = 4096;
 
-/// Reads one DataFlash log, binary or text, or several that make up one flight.
+/// Reads a DataFlash log, binary or text.
 pub(crate) fn read(files: &[PathBuf], want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
     let context = &super::with_topics(context, MOST_TOPICS);
-    let Reading { mut files, mut ledger, mut notices, mut topics } = Reading::begin(files, want, context)?;
+    let (mut file, Reading { name, mut ledger, mut notices, mut topics }) = Reading::open(files, want, context)?;
     topics.count_by(Clock::Boot);
     let mut log = Log::default();
-    let mut session = Session::new(&mut topics);
-    for file in &mut files {
-        let text = is_text(file)?;
-        log.health.format = if text { "ArduPilot DataFlash (text)" } else { "ArduPilot DataFlash" }.to_owned();
-        session.begin_file(file.name());
-        if text {
-            text::Walk::new(file, context, &mut ledger, &mut notices, &mut session).run()?;
-        } else {
-            super::refuse_foreign(file, binary::NO_RECORD, context)?;
-            let scanned = logscan::scan(file, &mut ledger, context, &mut binary::Records::new(&mut session))?;
-            super::report_padding(file.name(), scanned.padding, &mut notices);
-        }
+    let mut session = Session::new(&name, &mut topics);
+    let text = is_text(&mut file)?;
+    log.health.format = if text { "ArduPilot DataFlash (text)" } else { "ArduPilot DataFlash" }.to_owned();
+    if text {
+        text::Walk::new(&mut file, context, &mut ledger, &mut notices, &mut session).run()?;
+    } else {
+        super::refuse_foreign(&mut file, binary::NO_RECORD, context)?;
+        let scanned = logscan::scan(&mut file, &mut ledger, context, &mut binary::Records::new(&mut session))?;
+        super::report_padding(&name, scanned.padding, &mut notices);
     }
     session.finish(&mut log, &mut notices);
-    Reading { files, ledger, notices, topics }.conclude(log)
+    Reading { name, ledger, notices, topics }.conclude(log)
 }
 
 /// The first definition in a text log, and the prefix of all definitions.

@@ -59,8 +59,8 @@ pub(crate) fn read(files: &[PathBuf], want: &dyn Select, context: &ReadContext<'
     // Neither row nor damage.
     ledger.count(Fate::Structure, ledger.open());
     log.health.format = "ROS 2 bag (SQLite)".to_owned();
-    let files = sources.into_iter().map(|source| source.file).collect();
-    let mut log = Reading { files, ledger, notices, topics }.conclude(log)?;
+    let name = sources.first().map_or("", |source| source.file.name()).to_owned();
+    let mut log = Reading { name, ledger, notices, topics }.conclude(log)?;
     match metadata {
         Some(metadata) => metadata.compare(&rest, &mut log),
         None => bag_folder::report_gaps(&rest, &mut log.notices),

@@ -23,7 +23,7 @@ use crate::format::{Reading, compare_count, report_broken, report_unplaced};
 use crate::reader::{Extra, Log, ReadContext, Select};
 use crate::table::TopicInfo;
 use flight::{Code, Notices};
-use logscan::{Fate, Source, scan};
+use logscan::{Fate, LogFile, Source, scan};
 use mcap::records::{MessageIndex, Record, op};
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -40,7 +40,8 @@ const MESSAGE_HEAD_BYTES: usize = 22;
 /// Reads one MCAP file, or several that make up one flight.
 pub(crate) fn read(files: &[PathBuf], want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
     let (metadata, rest) = Metadata::split_off(files)?;
-    let Reading { mut files, mut ledger, mut notices, mut topics } = Reading::begin(files, want, context)?;
+    let mut files = files.iter().map(|path| LogFile::open(path)).collect::<Result<Vec<_>, _>>()?;
+    let Reading { name, mut ledger, mut notices, mut topics } = Reading::begin(&files, want, context);
     files.retain(|file| metadata.is_none() || file.name() != bag_folder::NAME);
     ledger.count(Fate::Structure, metadata.as_ref().map_or(0, |metadata| metadata.bytes));
     let mut log = Log::default();
@@ -66,7 +67,7 @@ pub(crate) fn read(files: &[PathBuf], want: &dyn Select, context: &ReadContext<'
     }
     log.health.format = format_name(&headers);
     log.health.extras = extras.finish();
-    let mut log = Reading { files, ledger, notices, topics }.conclude(log)?;
+    let mut log = Reading { name, ledger, notices, topics }.conclude(log)?;
     originals.restore(want, &mut log);
     match metadata {
         Some(metadata) => metadata.compare(&rest, &mut log),

@@ -182,15 +182,11 @@ struct Counts {
 }
 
 impl Lines {
-    pub(super) fn new(has_text: bool) -> Lines {
+    pub(super) fn new(has_text: bool, bare: bool) -> Lines {
         let (session, counts) = (Session::default(), Counts::default());
-        Lines { session, has_text, bare: false, number: 1, is_begin: true, counts }
-    }
-
-    /// A file begins.
-    pub(super) fn begin(&mut self, bare: bool) {
-        (self.bare, self.number, self.is_begin, self.counts) = (bare, 1, true, Counts::default());
-        self.breaks();
+        let mut lines = Lines { session, has_text, bare, number: 1, is_begin: true, counts };
+        lines.breaks();
+        lines
     }
 
     /// Bytes are missing here.

@@ -18,8 +18,8 @@ const MOST_TOPICS: usize = 4096;
 /// Reported for a stream of frames where neither a frame nor a sentence begins.
 const NOTHING: &str = "bytes that are neither a frame nor a sentence";
 
-/// Reads one NMEA log, a stream of lines, or one UBX log, of frames, or several that make up one flight. The receiver
-/// may have been configured to send the other format as well.
+/// Reads one NMEA log, a stream of lines, or one UBX log, of frames. The receiver may have been configured to
+/// send the other format as well.
 pub(crate) fn read(
     paths: &[PathBuf],
     of_lines: bool,
@@ -27,25 +27,24 @@ pub(crate) fn read(
     context: &ReadContext<'_>,
 ) -> Result<Log, IngestError> {
     let context = &super::with_topics(context, MOST_TOPICS);
-    let Reading { mut files, mut ledger, mut notices, mut topics } = Reading::begin(paths, want, context)?;
-    let mut stream = Stream { topics: &mut topics, frames: Frames::default(), lines: Lines::new(of_lines) };
-    let mut preamble = 0;
-    for file in &mut files {
-        refuse_foreign(file, of_lines, context)?;
-        stream.lines.begin(of_lines && nmea::has_bare_sentences(file)?);
-        preamble += scan(file, &mut ledger, context, &mut stream)?.preamble;
-        stream.lines.report(file.name(), &mut notices);
-    }
+    let (mut file, Reading { name, mut ledger, mut notices, mut topics }) = Reading::open(paths, want, context)?;
+    refuse_foreign(&mut file, of_lines, context)?;
+    let lines = Lines::new(of_lines, of_lines && nmea::has_bare_sentences(&mut file)?);
+    let mut stream = Stream { topics: &mut topics, frames: Frames::default(), lines };
+    let preamble = scan(&mut file, &mut ledger, context, &mut stream)?.preamble;
+    stream.lines.report(&name, &mut notices);
     super::report_preamble(preamble, &mut notices);
     let mut log = Log::default();
     log.health.format = name_of(of_lines, stream.frames.any).to_owned();
     let Stream { frames, lines, .. } = stream;
     let (weeks, marks) = frames.finish(&mut log, &mut notices);
     let dates = lines.finish(&mut log, &mut notices);
-    let first = files.first().map(|file| file.name().to_owned()).unwrap_or_default();
-    let mut log = Reading { files, ledger, notices, topics }.conclude(log)?;
+    let mut log = Reading { name, ledger, notices, topics }.conclude(log)?;
     if of_lines && log.health.topics.is_empty() && log.health.bytes.damaged == 0 {
-        return Err(IngestError::NotALog { file: first, what: "the file has no NMEA sentence".to_owned() });
+        return Err(IngestError::NotALog {
+            file: file.name().to_owned(),
+            what: "the file has no NMEA sentence".to_owned(),
+        });
     }
     weeks.put(&mut log);
     marks.put(&mut log);

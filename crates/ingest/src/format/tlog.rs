@@ -44,26 +44,19 @@ const LOOK: usize = 2 * (TIME + LONGEST) + TIME + 1;
 /// Reads one telemetry log, or several that make up one flight.
 pub(crate) fn read(files: &[PathBuf], want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
     let context = &super::with_topics(context, MOST_TOPICS);
-    let Reading { mut files, mut ledger, mut notices, mut topics } = Reading::begin(files, want, context)?;
+    let (mut file, Reading { name, mut ledger, mut notices, mut topics }) = Reading::open(files, want, context)?;
     let mut log = Log::default();
-    let framings = files.iter_mut().map(|file| Framing::of_file(file, context)).collect::<Result<Vec<_>, _>>()?;
-    let main = main_vehicle(&mut files, &framings)?;
-    // Times that only some of the frames have are not used as the log's.
-    let stamped = !framings.contains(&Framing::Bare);
+    let framing = Framing::of_file(&mut file, context)?;
+    let main = main_vehicle(&mut file, framing)?;
+    let stamped = framing != Framing::Bare;
     log.health.format = if stamped { "MAVLink telemetry" } else { "MAVLink stream" }.to_owned();
     let mut session = Session::new(main, stamped, &mut topics);
-    for (file, framing) in files.iter_mut().zip(framings) {
-        let size = file.size();
-        let scanned = scan(file, &mut ledger, context, &mut Records { session: &mut session, framing })?;
-        session.preamble += scanned.preamble;
-        session.end_file(size);
-    }
+    session.preamble = scan(&mut file, &mut ledger, context, &mut Records { session: &mut session, framing })?.preamble;
     if let Some(what) = session.why_nothing() {
-        let file = files.first().map_or("", LogFile::name).to_owned();
-        return Err(IngestError::Unusable { file, what });
+        return Err(IngestError::Unusable { file: name, what });
     }
     session.finish(&mut log, &mut notices);
-    let mut log = Reading { files, ledger, notices, topics }.conclude(log)?;
+    let mut log = Reading { name, ledger, notices, topics }.conclude(log)?;
     if !stamped {
         super::forget_log_times(&mut log);
     }
@@ -71,8 +64,7 @@ pub(crate) fn read(files: &[PathBuf], want: &dyn Select, context: &ReadContext<'
 }
 
 /// The autopilot with the lowest system ID among those with a heartbeat near the start of the log.
-fn main_vehicle(files: &mut [LogFile], framings: &[Framing]) -> Result<Sender, IngestError> {
-    let Some((file, framing)) = files.first_mut().zip(framings.first()) else { return Ok(Sender::default()) };
+fn main_vehicle(file: &mut LogFile, framing: Framing) -> Result<Sender, IngestError> {
     let bytes = file.up_to(0, BEGIN)?;
     let (mut main, mut at) = (None, 0);
     while let Some(rest) = bytes.get(at..).filter(|rest| !rest.is_empty()) {

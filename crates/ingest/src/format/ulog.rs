@@ -29,20 +29,17 @@ const MOST_LOGS: u64 = 1000;
 /// Maximum topics in one log: PX4 has about three hundred, with few instances of each.
 const MOST_TOPICS: usize = 8192;
 
-/// Reads one PX4 ULog, or several that make up one flight.
+/// Reads a PX4 ULog.
 pub(crate) fn read(files: &[PathBuf], want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
     let context = &super::with_topics(context, MOST_TOPICS);
-    let Reading { mut files, mut ledger, mut notices, mut topics } = Reading::begin(files, want, context)?;
+    let (mut file, Reading { name, mut ledger, mut notices, mut topics }) = Reading::open(files, want, context)?;
     topics.count_by(Clock::Boot);
     let mut log = Log::default();
     let mut boots = Boots::default();
-    for file in &mut files {
-        super::refuse_foreign(file, NO_MESSAGE, context)?;
-        let name = file.name().to_owned();
-        let mut messages = Messages::new(&name, &mut topics, &mut boots, &mut notices, &mut log.health);
-        scan(file, &mut ledger, context, &mut messages)?;
-        messages.finish();
-    }
+    super::refuse_foreign(&mut file, NO_MESSAGE, context)?;
+    let mut messages = Messages::new(&name, &mut topics, &mut boots, &mut notices, &mut log.health);
+    scan(&mut file, &mut ledger, context, &mut messages)?;
+    messages.finish();
     log.restarts = boots.restarts;
-    Reading { files, ledger, notices, topics }.conclude(log)
+    Reading { name, ledger, notices, topics }.conclude(log)
 }

@@ -223,15 +223,14 @@ fn sentences_before_the_first_date_are_dated_back_over_midnight_too() {
 }
 
 #[test]
-fn a_date_in_the_second_file_of_a_flight_dates_the_first() {
-    let lines = around_midnight(|tenth| tenth == 30);
-    let (_first, first) = file("a.nmea", (lines[..30].join("\n") + "\n").as_bytes());
-    let (_second, second) = file("b.nmea", (lines[30..].join("\n") + "\n").as_bytes());
-    let unit = ingest::FlightUnit { id: "f".into(), files: vec![first, second], kind: LogKind::Nmea };
-    let loaded = load(&unit).unwrap();
-    let timeline = loaded.flight.channels["position.gps"].series.timeline();
-    assert_eq!((timeline.clock(), timeline.stamps().len()), (Clock::Unix, 40));
-    assert_eq!(timeline.first().unwrap().0, 1_795_305_599_900_000_000);
+fn two_files_are_not_one_log() {
+    let (_folder, path) = file("a.nmea", b"");
+    let files = [path.clone(), path];
+    for kind in [LogKind::Nmea, LogKind::Ubx, LogKind::Tlog, LogKind::DataFlash, LogKind::Ulog, LogKind::Bag] {
+        let want = |_: &ingest::TopicInfo| ingest::Selection::All;
+        let error = in_context(|context| ingest::read_files(kind, &files, &want, context)).unwrap_err().to_string();
+        assert!(error.contains("is one file, but 2 were given"), "{error}");
+    }
 }
 
 #[test]

@@ -171,13 +171,13 @@ impl Type {
 }
 
 impl<'t, 'w> Session<'t, 'w> {
-    pub(super) fn new(topics: &'t mut Topics<'w>) -> Session<'t, 'w> {
-        Session {
+    pub(super) fn new(file: &str, topics: &'t mut Topics<'w>) -> Session<'t, 'w> {
+        let mut session = Session {
             topics,
             types: vec![],
             by_id: vec![None; 256],
             by_name: HashMap::new(),
-            file: String::new(),
+            file: file.to_owned(),
             units: Units::default(),
             vehicle: Vehicle::default(),
             clock: BootClock::default(),
@@ -187,16 +187,9 @@ impl<'t, 'w> Session<'t, 'w> {
             misfits: Tally::default(),
             late_instances: Tally::default(),
             other_units: Tally::default(),
-        }
-    }
-
-    /// Definitions apply to one file.
-    pub(super) fn begin_file(&mut self, name: &str) {
-        self.file = name.to_owned();
-        self.by_id.fill(None);
-        self.by_name.clear();
-        self.clock.restarts();
-        self.learn(FMT_ID, Format::of_formats());
+        };
+        session.learn(FMT_ID, Format::of_formats());
+        session
     }
 
     fn learn(&mut self, id: u8, format: Format) {

@@ -23,11 +23,6 @@ pub(super) struct ReceiveClock {
 }
 
 impl ReceiveClock {
-    /// Another file begins.
-    pub(super) fn next_file(&mut self) {
-        self.trusted_us = None;
-    }
-
     /// Reception time of a frame, ns: the time before it, or one between its neighbours' if it jumps away from both.
     /// `ahead` holds the times before the next two frames, µs, if they follow without a break.
     pub(super) fn stamp(&mut self, time_us: u64, ahead: [Option<u64>; 2]) -> i64 {

@@ -56,8 +56,6 @@ pub(super) struct Session<'b, 't> {
     stamped: bool,
     receive: ReceiveClock,
     boot: BootClock,
-    /// Bytes of the previous files.
-    before: u64,
     frames: u64,
     /// Bytes of text before the first frame.
     pub(super) preamble: u64,
@@ -80,7 +78,6 @@ impl<'b, 't> Session<'b, 't> {
             stamped,
             receive: ReceiveClock::default(),
             boot: BootClock::default(),
-            before: 0,
             frames: 0,
             preamble: 0,
             undefined: BTreeMap::new(),
@@ -115,13 +112,7 @@ impl<'b, 't> Session<'b, 't> {
             self.flagged.add(|| format!("message {} with flags {:#04x}", frame.message, frame.unknown_flags));
             return Ok(Fate::Skipped);
         }
-        Ok(self.message(&frame, logged_ns, self.before + at))
-    }
-
-    /// A file of this size has been read.
-    pub(super) fn end_file(&mut self, size: u64) {
-        self.receive.next_file();
-        self.before += size;
+        Ok(self.message(&frame, logged_ns, at))
     }
 
     /// The error for a log with intact frames, not one of which could be used.
