@@ -542,8 +542,8 @@ impl Topic {
         log.health.undecodable += self.undecodable.count;
         log.health.topics.push(self.health(clock));
         if let (Some(Wanted::All), false) = (&self.wanted, self.raw) {
-            let definitions = self.decoders.iter().map(Decoder::definition);
-            log.left_out.extend(left_out::of(&self.info, definitions, &self.rows));
+            let skipped = self.decoders.iter().flat_map(Decoder::left_out);
+            log.left_out.extend(left_out::of(&self.info, skipped, &self.rows));
         }
         log.tables.extend(self.table());
     }
@@ -611,8 +611,13 @@ impl Topic {
 }
 
 impl Decoder {
-    fn definition(&self) -> Definition<'_> {
-        Definition { encoding: &self.schema_encoding, text: &self.definition }
+    /// The paths that it skips although all are wanted.
+    fn left_out(&self) -> &[String] {
+        match &self.how {
+            How::Ros(plan) | How::Borrowed(plan) => &plan.left_out,
+            How::Protobuf(plan) => &plan.left_out,
+            How::Packed(_) | How::Cells(_) | How::Json | How::Raw => &[],
+        }
     }
 
     fn weight(&self) -> usize {

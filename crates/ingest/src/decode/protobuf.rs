@@ -21,6 +21,8 @@ pub(super) const MOST_ELEMENTS: u32 = 64;
 pub(crate) struct Plan {
     /// The steps for the fields of a message, by number; the message itself is the first.
     nodes: Vec<Vec<Step>>,
+    /// Fields that are not read, if all are wanted.
+    pub(crate) left_out: Vec<String>,
 }
 
 #[derive(Debug)]
@@ -380,6 +382,7 @@ struct Compiler<'t, 'w> {
     wanted: &'w Wanted,
     rows: &'w mut Rows,
     nodes: Vec<Vec<Step>>,
+    left_out: Vec<String>,
     /// Types that enclose the one being compiled.
     open: Vec<&'t str>,
     visited: usize,
@@ -392,9 +395,10 @@ impl Plan {
         if types.fields(root).is_none() {
             return Err(format!("its type {root:.200} is not in its descriptor"));
         }
-        let mut compiler = Compiler { types: &types, wanted, rows, nodes: vec![], open: vec![], visited: 0 };
+        let mut compiler =
+            Compiler { types: &types, wanted, rows, nodes: vec![], left_out: vec![], open: vec![], visited: 0 };
         compiler.message(root, "");
-        Ok(Plan { nodes: compiler.nodes })
+        Ok(Plan { nodes: compiler.nodes, left_out: compiler.left_out })
     }
 
     /// Sets the wanted values of the open row.
@@ -433,8 +437,13 @@ impl<'t> Compiler<'t, '_> {
                 break;
             }
             let path = if prefix.is_empty() { field.name.clone() } else { format!("{prefix}.{}", field.name) };
-            if let Some(what) = self.what(field, &path) {
-                node.push(Step { number: field.number, what, path });
+            match self.what(field, &path) {
+                Some(what) => node.push(Step { number: field.number, what, path }),
+                None if !matches!(self.wanted, Wanted::All) || Scalar::of(field.kind).is_some() => {}
+                None if field.repeated && field.is_message() && !field.is_time() => {
+                    self.left_out.push(format!("{path}[]"));
+                }
+                None => self.left_out.push(path),
             }
         }
         self.open.pop();

@@ -34,6 +34,8 @@ pub(crate) struct Plan {
     places: Vec<String>,
     /// Whether there is any text of wide characters.
     wide: bool,
+    /// Arrays that are not read or not to their end, if all is wanted: `path[]`, `path[64..100]`.
+    pub(crate) left_out: Vec<String>,
 }
 
 #[derive(Debug)]
@@ -118,6 +120,7 @@ impl Plan {
             over,
             places: compiler.places,
             wide,
+            left_out: compiler.left_out,
         }
     }
 
@@ -162,12 +165,14 @@ struct Compiler<'s> {
     /// Size of each message type, `None` if it varies.
     sizes: Vec<Option<Sizes>>,
     places: Vec<String>,
+    left_out: Vec<String>,
     visited: usize,
 }
 
 impl<'s> Compiler<'s> {
     fn new(schema: &'s Schema) -> Compiler<'s> {
-        let mut compiler = Compiler { schema, sizes: vec![None; schema.messages.len()], places: vec![], visited: 0 };
+        let sizes = vec![None; schema.messages.len()];
+        let mut compiler = Compiler { schema, sizes, places: vec![], left_out: vec![], visited: 0 };
         // A message type comes before the types that it uses.
         for index in (0..schema.messages.len()).rev() {
             let sizes = compiler.measured(index);
@@ -305,6 +310,13 @@ impl<'s> Compiler<'s> {
             Count::Fixed(count) => wanted.elements(&path, count.min(MOST_ELEMENTS)),
             Count::One | Count::Variable => wanted.elements(&path, 0),
         };
+        match (wanted, field.count) {
+            (Wanted::All, Count::Variable) => self.left_out.push(format!("{path}[]")),
+            (Wanted::All, Count::Fixed(count)) if count > MOST_ELEMENTS => {
+                self.left_out.push(format!("{path}[{MOST_ELEMENTS}..{count}]"));
+            }
+            _ => {}
+        }
         let one = Field { name: field.name.clone(), kind: field.kind, count: Count::One };
         let mut read = vec![];
         for index in indexes {
