@@ -770,12 +770,6 @@ fn a_message_of_unknown_format_is_not_read_with_its_ids_old_format() {
     (0..10).for_each(|i| made.data(0, 2_000_000 + 1000 * i, &floats(&[2.0])));
     let log = read(&made.0);
     assert_eq!((numbers(&log, "a", "x"), loses(&log)), (vec![1.0; 10], true), "{:?}", log.notices);
-    // With several paddings the last may be omitted.
-    let mut made = Made::begin([0; 3]);
-    made.format("a:uint64_t timestamp;uint8_t x;uint8_t[3] _padding0;uint8_t[4] _padding1;");
-    made.subscribe(0, 0, "a");
-    (0..10).for_each(|i| made.data(0, 1_000_000 + 1000 * i, &[7, 0, 0, 0]));
-    assert_eq!(numbers(&read(&made.0), "a", "x"), [7.0; 10]);
 }
 
 #[test]
