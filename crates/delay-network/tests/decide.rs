@@ -331,7 +331,7 @@ fn nonsense_never_panics() {
     {
         for removed in decide(&broken, asked, DATUM_S).removed {
             assert!(removed.value_s.is_none_or(f64::is_finite), "{asked:?}: {removed:?}");
-            assert!(removed.source != None || removed.value_s.is_none());
+            assert!(removed.source.is_some() || removed.value_s.is_none());
         }
     }
 }

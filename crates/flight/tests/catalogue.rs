@@ -158,7 +158,11 @@ const FIRED: &[(Code, &str, &str)] = &[
         "crates/ingest/tests/it/bag.rs",
         "a_bag_that_was_never_closed_is_read_whole_and_reported",
     ),
-    (Code::Corrupt, "crates/ingest/tests/it/db3.rs", "a_bag_without_its_first_page_still_gives_its_messages"),
+    (
+        Code::Corrupt,
+        "crates/ingest/tests/it/unpack.rs",
+        "data_packed_before_the_damage_is_read_and_the_loss_is_located",
+    ),
     (Code::Undecodable, "crates/ingest/tests/it/mcap.rs", "undecodable_messages_leave_no_row_and_are_a_counted_loss"),
     (Code::UnknownRecord, "crates/ingest/tests/it/ulog.rs", "unknown_types_and_flags_are_counted_and_the_rest_is_read"),
     (

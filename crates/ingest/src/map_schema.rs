@@ -268,7 +268,19 @@ pub(crate) enum HeightAbove {
 pub(crate) struct ChannelEntry {
     /// Name of the form `quantity.source`, such as `position.gps`.
     pub(crate) name: String,
-    /// Its quantity.
+    /// Its quantity. It has these fields:
+    ///
+    /// - `position-geodetic`: `latitude`, `longitude` and optionally `height`; or `x`, `y`, `z` with the frame `ecef`
+    /// - `position-ned`: `north`, `east` or `west`, and optionally `down` or `up`
+    /// - `velocity-ned`: `north`, `east`; or `speed`, `track` and optionally `variation`; or `forward`, `left`, `up` and
+    ///   the orientation; or `x`, `y`, `z` with the frame `ecef` and the position `at_x`, `at_y`, `at_z`
+    /// - `height`: `height`
+    /// - `attitude`: `orientation_w` to `orientation_z`, a quaternion that need not be normalised, or `roll`, `pitch` and
+    ///   `yaw`; with `frame`
+    /// - `angular-rate`, `specific-force`, `magnetic-field`, `magnetic-direction`: `x`, `y`, `z` with `frame`; or
+    ///   `forward`, `right` or `left`, `down` or `up`. An axis may be missing
+    /// - `encoder-count`: `count`; `encoder-angle`: `angle`; `scalar`: `value`
+    /// - `pulse`: `second`, a time or a running number
     pub(crate) quantity: Quantity,
     /// Topic names, the best first. A name of several words also matches below a namespace. It also matches a file name
     /// that ends in it, with `/` written as `-` or `_`, and with an instance such as `_0` after it.

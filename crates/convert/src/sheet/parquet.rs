@@ -107,7 +107,7 @@ fn write_group<W: Write + Send>(
             Cells::F64(v) => write_column::<DoubleType, _>(&mut out, rows.clone().map(|row| v.get(row)), |x| x)?,
             Cells::Text(v) => {
                 let texts = rows.clone().map(|row| v.get(row));
-                write_column::<ByteArrayType, _>(&mut out, texts, |text| ByteArray::from(&*text))?;
+                write_column::<ByteArrayType, _>(&mut out, texts, ByteArray::from)?;
             }
         }
         out.close()?;

@@ -51,7 +51,7 @@ fn write_cell(cells: &Cells, row: usize, out: &mut String) -> io::Result<()> {
         Cells::U64(v) => v.get(row).map_or(Ok(()), |x| write!(out, "{x}")),
         Cells::F64(v) => v.get(row).map_or(Ok(()), |x| write!(out, "{x:?}")),
         Cells::Text(v) => {
-            out.push_str(&text(&v.get(row).unwrap_or_default()));
+            out.push_str(&text(v.get(row).unwrap_or_default()));
             Ok(())
         }
     };

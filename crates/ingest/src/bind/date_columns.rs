@@ -38,7 +38,7 @@ impl<'a> Civil<'a> {
     /// The date of a row; `order` is the order for ambiguous dates.
     fn date(&self, row: usize, order: Option<DateOrder>) -> Option<Date> {
         match self.date.text(row) {
-            Some(text) => date_in(order, &text),
+            Some(text) => date_in(order, text),
             None => date_in(order, &format!("{:06}", self.date.integer(row)?)),
         }
     }
@@ -127,7 +127,7 @@ pub(super) fn without_zone(source: &TimeSource, table: &Table) -> u64 {
     let label = source.label();
     let named = ["utc", "gmt", "zulu"].iter().any(|zone| label.to_ascii_lowercase().contains(zone));
     let Some(column) = texts(table, field).filter(|_| !named) else { return 0 };
-    (0..table.rows).filter(|row| column.text(*row).is_some_and(|text| is_silent(&text))).count() as u64
+    (0..table.rows).filter(|row| column.text(*row).is_some_and(&is_silent)).count() as u64
 }
 
 fn is_plain(date: &str) -> bool {

@@ -245,7 +245,7 @@ fn nanos_of(source: &TimeSource, table: &Table, repairs: &mut Vec<Repair>) -> Op
         TimeSource::Iso { field, zone } => {
             let column = texts(table, field)?;
             let offset = zone.as_deref().unwrap_or("Z");
-            rows.map(|row| local_to_unix_ns(&column.text(row)?, offset)).collect()
+            rows.map(|row| local_to_unix_ns(column.text(row)?, offset)).collect()
         }
         TimeSource::Civil { .. } => stamps_of_dates(source, table, repairs)?.into(),
         TimeSource::DayOfYear { field, year, zone } => days_of_year(field, *year, zone.as_deref(), table, repairs)?.1,
@@ -263,7 +263,7 @@ fn nanos_of(source: &TimeSource, table: &Table, repairs: &mut Vec<Repair>) -> Op
 fn ticks(field: &str, tick: Tick, zero_s: i64, table: &Table) -> Option<Values<i64>> {
     let rows = 0..table.rows;
     match (texts(table, field), numbers(table, field)) {
-        (Some(text), _) => Some(rows.map(|row| tick.text_since(&text.text(row)?, zero_s)).collect()),
+        (Some(text), _) => Some(rows.map(|row| tick.text_since(text.text(row)?, zero_s)).collect()),
         (None, Some(number)) => {
             let nanos = |row| match number.integer(row) {
                 Some(integer) => tick.integer_since(integer, zero_s),

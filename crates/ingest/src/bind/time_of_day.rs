@@ -68,7 +68,7 @@ pub(super) fn days_of_year(
     repairs: &mut Vec<Repair>,
 ) -> Option<(Clock, Values<i64>)> {
     let column = texts(table, field)?;
-    let days: Vec<Option<DayOfYear>> = (0..table.rows).map(|row| DayOfYear::of_text(&column.text(row)?)).collect();
+    let days: Vec<Option<DayOfYear>> = (0..table.rows).map(|row| DayOfYear::of_text(column.text(row)?)).collect();
     let zone_ns = zone_ns(zone);
     let east_ns = |day: &DayOfYear| day.east_ns.unwrap_or(zone_ns);
     let known = || days.iter().flatten();

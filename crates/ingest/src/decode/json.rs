@@ -199,7 +199,7 @@ mod tests {
         assert_eq!(paths, ["fix.cov[0]", "fix.cov[1]", "fix.lat", "fix.ok", "header.frame_id", "header.stamp"]);
         assert_eq!(table.column("header.stamp").unwrap().integer(0), Some(1_700_000_000_000_000_005));
         assert_eq!(table.column("fix.ok").unwrap().number(0), Some(1.0));
-        assert_eq!(table.column("header.frame_id").unwrap().text(0).as_deref(), Some("base"));
+        assert_eq!(table.column("header.frame_id").unwrap().text(0), Some("base"));
     }
 
     #[test]

@@ -331,7 +331,7 @@ mod tests {
         assert_eq!(table.column("f[7]").unwrap().integer(0), Some(i64::MAX));
         assert_eq!(table.column("f[8]").unwrap().integer(0), Some(i64::MIN));
         assert_eq!(table.column("half").unwrap().number(0), Some(-5.0));
-        assert_eq!(table.column("text").unwrap().text(0).as_deref(), Some("ab"));
+        assert_eq!(table.column("text").unwrap().text(0), Some("ab"));
     }
 
     #[test]

@@ -365,7 +365,7 @@ mod tests {
         assert_eq!(table.published_ns, Some(vec![11, 31]));
         let a = table.column("a").unwrap();
         assert_eq!((a.number(0), a.number(1)), (Some(1.0), None));
-        assert_eq!(table.column("b").unwrap().text(1).as_deref(), Some("three"));
+        assert_eq!(table.column("b").unwrap().text(1), Some("three"));
     }
 
     #[test]

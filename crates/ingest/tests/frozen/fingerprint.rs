@@ -108,7 +108,7 @@ fn hash_column(hash: &mut Hash, column: &Column) {
         ColumnData::F64(values) => hash.words(values.iter().map(|value| value.to_bits())),
         ColumnData::I64(values) => hash.words(values.iter().map(|value| *value as u64)),
         ColumnData::U64(values) => hash.words(values.iter().copied()),
-        ColumnData::Text(values) => values.iter().for_each(|value| hash.text(&value)),
+        ColumnData::Text(values) => values.iter().for_each(|value| hash.text(value)),
     }
     hash.words(column.valid.iter().flatten().map(|valid| u64::from(*valid)));
 }

@@ -96,7 +96,7 @@ impl Value {
             Value::Real(real) => column
                 .number(row)
                 .is_some_and(|found| found.to_bits() == real.to_bits() || found.is_nan() && real.is_nan()),
-            Value::Text(text) => column.text(row).as_deref() == Some(text),
+            Value::Text(text) => column.text(row) == Some(text),
         }
     }
 }

@@ -249,9 +249,9 @@ fn flights_sentence(criteria: &CampaignCriteria) -> Markup {
                 b { (number::count(rate.passed)) " of " (number::counted(rate.judged, "judged flight", "judged flights")) }
                 " meet every criterion that applies: " (pass_rate(rate)) "."
             }
-            None => { "No flight could be judged." }
+            None => { "No flight could be judged in full." }
         }
-        @if left_out > 0 { " " (number::counted(left_out, "flight", "flights")) " could not be judged in full." }
+        @if left_out > 0 && criteria.pass_rate.is_some() { " " (number::counted(left_out, "flight", "flights")) " could not be judged in full." }
     }
 }
 

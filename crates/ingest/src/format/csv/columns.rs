@@ -128,7 +128,7 @@ impl Written {
             Cells::Floats(held) => texts.push(&held.get(i).map(f64::to_string).unwrap_or_default()),
             Cells::Text(_) | Cells::Undecided(..) => texts.push(""),
         });
-        self.others.iter().for_each(|text| texts.push(&text));
+        self.others.iter().for_each(|text| texts.push(text));
         texts
     }
 }

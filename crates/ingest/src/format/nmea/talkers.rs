@@ -184,7 +184,7 @@ fn column<'t>(path: &str, kind: &ColumnData, cells: impl Iterator<Item = (Option
             let (mut texts, mut valid) = (Texts::default(), vec![]);
             for text in cells.map(|(column, row)| column?.text(row)) {
                 valid.push(text.is_some());
-                texts.push(&text.unwrap_or_default());
+                texts.push(text.unwrap_or_default());
             }
             (ColumnData::Text(texts), valid)
         }
