@@ -28,7 +28,7 @@ use std::marker::PhantomData;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// Read in one go, and unpacked in one go: of a step that fails Zstandard gives nothing.
+/// Bytes that are unpacked per step. If Zstandard fails within a step, all of that step is lost.
 const STEP: usize = 256 << 10;
 const UNPACKED_STEP: usize = 16 << 10;
 /// Maximum archive members that are examined, and maximum memory for their first bytes.

@@ -227,8 +227,7 @@ pub(super) fn with_unknown_unit<'c>(table: &Table, columns: &'c [Named]) -> Opti
 }
 
 /// How a map reads the times that a guess does not.
-const OTHER_TIMES: &str = "for serial days, dates in another order and dates in several columns, copy the way to write \
-                           the time from `flightlag maps wide-csv`";
+const OTHER_TIMES: &str = "a channel map reads serial days and dates in another order, see `flightlag maps wide-csv`";
 
 /// Why the time of a table cannot be read; `None` if no column is named like one, and for a table of one row, where no
 /// time increases.
@@ -240,7 +239,7 @@ pub(super) fn unreadable(table: &Table, names: &[String], columns: &[Named]) -> 
     if let [minute, second] = parts_of_time(table, names)[..] {
         return Some(format!(
             "the time of {topic} is written in several columns, {minute} and {second} among them: write one column as \
-             h:mm:ss.sss, or {OTHER_TIMES}"
+             h:mm:ss.sss, or read year to second as a calendar in a channel map, see `flightlag maps wide-csv`"
         ));
     }
     let first = columns.iter().find(|column| column.role == Role::Time)?;

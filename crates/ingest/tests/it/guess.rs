@@ -510,7 +510,7 @@ fn times_and_positions_in_other_writing_are_refused_with_a_way_out() {
     assert!(why.contains("written in several columns, minute and second among them"), "{why}");
     let excel = |t: f64| format!("{:.9}", 45_000.0 + t / 86_400.0);
     let why = refusal("time,lat,lon,vn,ve", &excel, ["", ""]);
-    assert!(why.contains("for serial days") && why.contains("flightlag maps wide-csv"), "{why}");
+    assert!(why.contains("reads serial days") && why.contains("flightlag maps wide-csv"), "{why}");
     let why = refusal("time,lat,lon,vn,ve", &|t| format!("{t:.1}"), ["N", "E"]);
     assert!(why.contains("lat and lon: no cell is a plain number"), "{why}");
 }

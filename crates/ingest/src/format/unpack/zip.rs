@@ -54,6 +54,10 @@ pub(super) fn entries(file: &File, most: usize) -> io::Result<Vec<Entry>> {
             }
         }
     }
+    // More files than the archive states: which of the two is wrong is unknown.
+    if matches!(list.next_entry(), Ok(Some(_))) {
+        return Err(io::Error::other(DAMAGED));
+    }
     if files > most {
         let what = format!("ZIP archive of {files} files; archives of more than {most} are not examined");
         return Err(io::Error::other(what));
