@@ -90,7 +90,7 @@ pub enum Exit {
     Failed = 1,
     /// Wrong command, pipeline or rig.
     Wrong = 2,
-    /// Finished, but some flights failed or lost data.
+    /// Finished, but some flights failed or lost data, or no flight has the number of a criterion.
     Incomplete = 3,
     /// Finished, but a criterion is not met. It outweighs [`Exit::Incomplete`]: a damaged log must not hide a failed
     /// criterion.

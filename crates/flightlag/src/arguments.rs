@@ -11,7 +11,7 @@ Exit codes:
   1    failed
   2    wrong command, pipeline, criteria, rig file, sensor card or channel map
   3    finished, but some flights or records failed, lost data, have a delay that changes, have a reference file that
-       cannot be used, or contradict their rig file
+       cannot be used, or contradict their rig file; or no flight has the number of a criterion
   4    finished, but a flight fails a criterion or was harmed (also if 3 applies)
   75   busy or temporary failure, try again (another run uses the folder, the disk is full, a log is being written)
   130  stopped by Ctrl-C";
