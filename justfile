@@ -87,7 +87,7 @@ slurm-test:
 s3-test *parts:
     @tests/s3/run "$@"
 
-# Mutate the source in N places, one at a time, and count what the tests of a crate detect (cargo-mutants): just mutants CRATE|all N [SEED] [--seconds S]
+# Change the source in N places, one at a time, and count what the tests detect (cargo-mutants lists the changes): just mutants CRATE|all N [SEED] [--own-tests]
 mutants +sample:
     @tests/mutants/run "$@"
 

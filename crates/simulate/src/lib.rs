@@ -25,6 +25,7 @@ mod bench;
 mod damage;
 mod demo;
 mod error;
+mod golden;
 mod onboard;
 mod presets;
 mod random;
@@ -44,6 +45,7 @@ pub use bench::{
 pub use damage::{cut_off, zero_block};
 pub use demo::{DemoFlight, DemoManifest, TRUTH_FILE, write_campaign, write_demo};
 pub use error::SimulateError;
+pub use golden::{golden_difference, one_tag_per_line, one_value_per_line};
 pub use presets::LikeCase;
 pub use samples::Samples;
 #[cfg(feature = "db3")]

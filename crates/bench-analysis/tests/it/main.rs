@@ -4,6 +4,7 @@ mod alignment;
 mod clocks;
 mod dynamics;
 mod encoder;
+mod golden;
 mod honesty;
 mod iron;
 mod kinematics;

@@ -7,6 +7,7 @@ mod edges;
 mod export;
 mod flight_delay;
 mod flights;
+mod golden;
 mod like_cases;
 mod like_flights;
 mod scores;

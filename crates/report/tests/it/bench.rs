@@ -41,7 +41,7 @@ fn card_of(card: &SensorCard, records: &[BenchRecord]) -> Site {
     })
 }
 
-fn all_sites() -> Vec<Site> {
+pub fn all_sites() -> Vec<Site> {
     let records = [bench_record(), silent_bench_record(), failed_bench_record()];
     let mut sites: Vec<Site> = records.iter().map(site).collect();
     sites.push(the_card());

@@ -6,7 +6,7 @@ use crate::html::{points, read};
 use record::{CampaignRecord, CriterionVerdict, EffectVerdict, Estimate, GroupLateness, GroupPart, OtherReceiver};
 use report::{Site, TrackExcerpt, campaign_site, excerpt_flights};
 
-fn site(record: &CampaignRecord) -> Site {
+pub fn site(record: &CampaignRecord) -> Site {
     let zoom = fixture::replay().zoom.unwrap();
     let of = |row: &record::FlightRow| TrackExcerpt { flight: row.flight.clone(), zoom: zoom.clone() };
     let excerpts: Vec<TrackExcerpt> = excerpt_flights(record).into_iter().map(of).collect();

@@ -55,7 +55,7 @@ fn finding(id: &str, verdict: CriterionVerdict, value: Option<(f64, f64)>, reaso
     }
 }
 
-fn criteria() -> FlightCriteria {
+pub fn criteria() -> FlightCriteria {
     use CriterionVerdict::{Fail, Inconclusive, NotApplicable, NotEvaluated, Pass};
     let findings = vec![
         finding("one", Pass, Some((0.118_43, 0.001_55)), ""),

@@ -8,6 +8,7 @@ mod changes;
 mod criteria;
 mod fixture;
 mod flight_delay;
+mod golden;
 mod hostile;
 mod html;
 mod no_contradiction;

@@ -10,7 +10,7 @@ use record::{
 use report::{FlightPage, Site, campaign_site, flight_site};
 
 /// Twelve flights; the eighth is later than the others.
-fn campaign() -> CampaignRecord {
+pub fn campaign() -> CampaignRecord {
     let control = (0..12).map(|i| {
         let late = if i == 7 { 0.031 } else { 0.001 * f64::from(i % 3) };
         ControlPoint {

@@ -1,0 +1,57 @@
+//! Every page of the fixtures, tag by tag. `FLIGHTLAG_BLESS=1` accepts a change: look at the pages and read the diff.
+
+use crate::campaign_fixture::varied;
+use crate::fixture::{failed_record, flight_record, parked_record};
+use record::{FlightRecord, SensorCard};
+use report::{FlightPage, IndexedCard, Site, cards_site, changes_site, flight_site};
+use simulate::{golden_difference, one_tag_per_line};
+use std::path::Path;
+
+fn assert_golden(name: &str, site: &Site, page: &str) {
+    let html = String::from_utf8(site.files[page].clone()).unwrap();
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden").join(format!("{name}.txt"));
+    let difference = golden_difference(&path, &one_tag_per_line(&html));
+    assert!(difference.is_none(), "{}", difference.unwrap_or_default());
+}
+
+fn flight(record: &FlightRecord) -> Site {
+    flight_site(&FlightPage {
+        name: "north field/flight 07.mcap",
+        record,
+        explorer: None,
+        has_details: true,
+        neighbours: [None, Some(("flight 08.mcap", "../flight-08/index.html"))],
+        track_href: Some("track.parquet"),
+        index_href: "../../index.html",
+        command: "flightlag campaign flights --out reports",
+    })
+}
+
+#[test]
+fn flight_pages_are_as_accepted() {
+    let criteria = Some(crate::criteria::criteria());
+    assert_golden("flight", &flight(&FlightRecord { criteria, ..flight_record() }), "index.html");
+    assert_golden("flight-failed", &flight(&failed_record()), "index.html");
+    assert_golden("flight-parked", &flight(&parked_record()), "index.html");
+}
+
+#[test]
+fn campaign_pages_are_as_accepted() {
+    let record = varied(24);
+    assert_golden("campaign", &crate::campaign::site(&record), "index.html");
+    assert_golden("campaign-sweep", &crate::campaign::site(&crate::sweep::campaign()), "index.html");
+    let changes = changes_site(&crate::changes::all_kinds(), &varied(6).flights);
+    assert_golden("changes", &changes, "since-last-run.html");
+}
+
+#[test]
+fn bench_pages_are_as_accepted() {
+    let names = ["bench", "bench-silent", "bench-failed", "card"];
+    for (name, site) in names.into_iter().zip(crate::bench::all_sites()) {
+        assert_golden(name, &site, "index.html");
+    }
+    let (card, records): (SensorCard, _) = crate::bench_fixture::card();
+    let of = |card, records| IndexedCard { card, records, href: "a/index.html" };
+    let cards = cards_site(&[of(Some(&card), records.len() as u64 + 1), of(None, 1)]);
+    assert_golden("cards", &cards, "index.html");
+}
