@@ -271,3 +271,35 @@ impl Reference {
         shown.map(|i| AXES.map(|k| error(i, k).powi(2)).iter().sum()).collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Ten parts of 40 errors; every other one is 90 m, the rest are 101 to 110 m.
+    #[test]
+    fn the_95th_percentile_is_as_uncertain_as_the_mean_of_its_parts() {
+        let parts = [1, 10, 2, 9, 3, 8, 4, 7, 5, 6].map(f64::from);
+        let of_part = |part: f64| (0..40).map(move |k| if k % 2 == 0 { 90.0_f64 } else { 100.0 + part });
+        let squares: Vec<f64> = parts.into_iter().flat_map(of_part).map(|error| error * error).collect();
+        let found = percentile_95(&squares).unwrap();
+        // Place 379.05 of 0 to 399: 109 m ends at 379.
+        let value = (0.95 * 109.0_f64.powi(2) + 0.05 * 110.0_f64.powi(2)).sqrt();
+        assert!((found.value - value).abs() < 1e-9, "{found:?}");
+        // The variance of 1 to 10 is 82.5/9; half of Student's quantile for nine degrees of freedom.
+        let of_parts = 0.5 * 2.262_157 * (82.5_f64 / 9.0 / 10.0).sqrt();
+        let of_rms = rms(squares.iter().copied()).unwrap();
+        let least = found.value * of_rms.standard_uncertainty.unwrap() / of_rms.value;
+        let u = found.standard_uncertainty.unwrap();
+        assert!((u - of_parts.max(least)).abs() < 1e-9, "{u}, not {of_parts} or {least}");
+        assert!(of_parts > least, "the parts decide: {of_parts} {least}");
+    }
+
+    #[test]
+    fn the_95th_percentile_of_few_errors_has_no_uncertainty() {
+        let found = percentile_95(&[4.0; 199]).unwrap();
+        assert_eq!((found.value, found.standard_uncertainty), (2.0, None));
+        assert!(percentile_95(&[4.0; 200]).unwrap().standard_uncertainty.is_some());
+        assert!(percentile_95(&[]).is_none());
+    }
+}

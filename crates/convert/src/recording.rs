@@ -286,3 +286,80 @@ fn failed(path: &Path) -> impl FnOnce(McapError) -> ConvertError {
         ConvertError::Write { path, doing: "write", source }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn entry<'m>(topic: &'m TopicInfo, schema: &'m [u8], logged_ns: i64) -> Entry<'m> {
+        Entry {
+            topic,
+            original: None,
+            encoding: "cdr",
+            schema_encoding: "ros2msg",
+            schema,
+            logged_ns,
+            published_ns: None,
+            sequence: None,
+            payload: b"payload",
+        }
+    }
+
+    /// The bytes of a recording.
+    fn written(work: impl FnOnce(&mut Recording)) -> Vec<u8> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.mcap");
+        let mut recording = Recording::begin(&path, File::create(&path).unwrap(), "").unwrap();
+        work(&mut recording);
+        recording.end().unwrap();
+        std::fs::read(path).unwrap()
+    }
+
+    #[test]
+    fn a_chunk_ends_only_when_its_definitions_are_long() {
+        let chunks = |topics: u8| {
+            let bytes = written(|recording| {
+                for number in 0..topics {
+                    let topic = TopicInfo { name: format!("t{number}"), ..TopicInfo::default() };
+                    recording.announce(&entry(&topic, &vec![number; 1 << 20], 1)).unwrap();
+                }
+            });
+            let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
+            assert_eq!(summary.channels.len(), usize::from(topics));
+            summary.chunk_indexes.len()
+        };
+        // The fourth definition exceeds 4 MiB with the names of the topics.
+        assert_eq!([2, 5].map(chunks), [1, 2]);
+    }
+
+    #[test]
+    fn messages_of_a_channel_are_counted_unless_they_have_a_number() {
+        let topics = ["a", "b"].map(|name| TopicInfo { name: name.to_owned(), ..TopicInfo::default() });
+        let mut notices = Notices::new();
+        let bytes = written(|recording| {
+            for (topic, sequence, logged_ns) in
+                [(0, None, 5), (1, None, 6), (0, None, -7), (0, Some(70), 8), (1, None, 9)]
+            {
+                let entry = Entry {
+                    sequence,
+                    published_ns: Some(4),
+                    schema_encoding: "",
+                    ..entry(&topics[topic], b"", logged_ns)
+                };
+                recording.write(&entry).unwrap();
+            }
+            recording.note_before_epoch(&mut notices);
+        });
+        let messages = mcap::MessageStream::new(&bytes).unwrap().map(|message| {
+            let message = message.unwrap();
+            assert!(message.channel.schema.is_none() && message.publish_time == 4);
+            (message.channel.topic.clone(), message.sequence, message.log_time)
+        });
+        let expected = [("a", 1, 5), ("b", 1, 6), ("a", 2, 0), ("a", 70, 8), ("b", 2, 9)];
+        assert_eq!(
+            messages.collect::<Vec<_>>(),
+            expected.map(|(topic, sequence, at)| (topic.to_owned(), sequence, at))
+        );
+        assert_eq!(notices.iter().map(|n| n.count).collect::<Vec<_>>(), [1], "one message is from before 1970");
+    }
+}

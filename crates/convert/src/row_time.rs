@@ -376,6 +376,53 @@ mod tests {
     }
 
     #[test]
+    fn rows_that_borrow_a_time_are_counted_over_all_topics_of_the_source() {
+        let table = Table {
+            topic: TopicInfo::default(),
+            rows: 4,
+            logged_ns: None,
+            published_ns: None,
+            origin: ingest::Places::default(),
+            columns: vec![],
+        };
+        let of_fields = |clock, nanos: Vec<Option<i64>>| {
+            let fields = TableTimes { clock, source: "t".to_owned(), nanos: nanos.into() };
+            RowTime::of(&table, None, Some(fields), None).in_utc()
+        };
+        let two_lent = of_fields(Clock::Unix, vec![None, Some(7), None, Some(9)]);
+        let one_lent = of_fields(Clock::Unix, vec![Some(7), Some(8), None, Some(9)]);
+        let complete = of_fields(Clock::Boot, vec![Some(1), Some(2), Some(3), Some(4)]);
+        let logged = RowTime::of(&table, Some((Clock::Unix, vec![1, 2, 3, 4])), None, None).in_utc();
+        let mut notices = Notices::new();
+        let times = [("a", &two_lent), ("b", &one_lent), ("c", &complete), ("d", &logged)];
+        let topics = report(times.into_iter(), &mut notices);
+        let sources = [
+            ("UTC: t", vec!["a", "b"]),
+            ("UTC: the log's timestamps", vec!["d"]),
+            ("t, clock since boot, not UTC", vec!["c"]),
+        ];
+        assert_eq!(
+            topics
+                .iter()
+                .map(|(how, of)| (how.as_str(), of.iter().map(String::as_str).collect()))
+                .collect::<Vec<(_, Vec<_>)>>(),
+            sources
+        );
+        let reported: Vec<_> =
+            notices.iter().map(|n| (n.place.as_str(), n.count, n.text.split(';').next().unwrap())).collect();
+        let without = "the log has no timestamps for these rows";
+        let mut expected = [
+            ("topic a and 1 more", 8, without),
+            ("topic a and 1 more", 3, "rows without a time get that of the row before"),
+            ("topic c", 4, without),
+        ];
+        let mut reported = reported;
+        reported.sort_unstable();
+        expected.sort_unstable();
+        assert_eq!(reported, expected);
+    }
+
+    #[test]
     fn after_a_clock_restart_each_session_has_its_own_utc() {
         let table = Table {
             topic: TopicInfo::default(),

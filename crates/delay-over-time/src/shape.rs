@@ -171,4 +171,15 @@ mod tests {
             assert!((shape.steepest - steepest).abs() < 1e-3, "{d:?} {} {steepest}", shape.steepest);
         }
     }
+
+    /// A queue grows by more than 50 ms and loses more than half of it at once.
+    #[test]
+    fn a_queue_is_flushed_by_more_than_half_of_its_growth() {
+        let grows_by_fifth_of_second_and_drops =
+            |by: f64| word(&[(Bend, 20.0, 0.001), (Bend, 220.0, -0.001), (Step, 220.0, -by)]);
+        assert_eq!(grows_by_fifth_of_second_and_drops(0.11), DelayKind::Queues);
+        assert_eq!(grows_by_fifth_of_second_and_drops(0.09), DelayKind::Drifts);
+        let small = word(&[(Bend, 20.0, 0.000_2), (Bend, 220.0, -0.000_2), (Step, 220.0, -0.04)]);
+        assert_ne!(small, DelayKind::Queues);
+    }
 }

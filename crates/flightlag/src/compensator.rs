@@ -144,4 +144,26 @@ mod tests {
         assert!(!others.iter().any(can_be_written), "{others:?}");
         assert!(written.contains(&"pade-1-1-tustin".to_owned()) && others.contains(&"kalman".to_owned()));
     }
+
+    #[test]
+    fn a_loop_promises_nothing_above_half_its_rate() {
+        let in_hertz = |text: &str| -> Vec<f64> {
+            let words: Vec<&str> = text.split([' ', ',']).collect();
+            words.windows(2).filter(|pair| pair[1] == "Hz").map(|pair| pair[0].parse().unwrap()).collect()
+        };
+        for kind in CompensatorKind::all().into_iter().filter(|kind| is_written(kind) && kind.filter(0.2).is_ok()) {
+            for step_s in [0.01, 0.7, 1.0] {
+                let text = band(kind, 0.2, step_s).unwrap();
+                // Shown with two decimals.
+                let most = 0.5 / step_s + 0.005;
+                assert!(in_hertz(&text).iter().all(|hz| *hz <= most), "{kind} in {step_s} s: {text}");
+                assert!(step_s > 0.01 || !text.contains("rate of the loop"), "{text}");
+            }
+        }
+        let slow = band("pade-1-1-foh".parse().unwrap(), 0.2, 1.0).unwrap();
+        assert!(
+            slow.contains("half of it up to 0.50 Hz, half the rate of the loop, nowhere worse than raw ("),
+            "{slow}"
+        );
+    }
 }

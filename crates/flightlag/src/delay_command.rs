@@ -9,6 +9,7 @@ use crate::show::{Table, count, visible};
 use crate::stop::Stop;
 use campaign::{DelayLine, DelayOrder, DelayReport, GroupLine, LineAlarm, LineSetting, delay_report};
 use compensation_replay::ekf_values_toml;
+use flight::fixed;
 use record::Estimate;
 use std::io::Write;
 use std::path::Path;
@@ -228,14 +229,14 @@ fn lateness(line: &DelayLine) -> String {
 
 fn interval(line: &DelayLine) -> String {
     let ends = line.lateness_low_s.zip(line.lateness_high_s);
-    ends.map_or_else(String::new, |(low, high)| format!("{:.1} to {:.1} ms", 1e3 * low, 1e3 * high))
+    ends.map_or_else(String::new, |(low, high)| format!("{} to {} ms", fixed(1e3 * low, 1), fixed(1e3 * high, 1)))
 }
 
-/// `203.4 ± 16.2`: value and expanded uncertainty (k = 2), ms.
+/// `203 ± 16`: value and expanded uncertainty (k = 2), ms.
 fn expanded_ms(value: Option<f64>, u: Option<f64>) -> String {
     match (value, u) {
         (None, _) => String::new(),
-        (Some(value), None) => format!("{:.1}", 1e3 * value),
+        (Some(value), None) => fixed(1e3 * value, 1),
         (Some(value), Some(u)) => {
             let expanded = 2e3 * u;
             let digits = if expanded >= 10.0 {
@@ -245,7 +246,7 @@ fn expanded_ms(value: Option<f64>, u: Option<f64>) -> String {
             } else {
                 2
             };
-            format!("{:.digits$} ± {expanded:.digits$}", 1e3 * value)
+            format!("{} ± {}", fixed(1e3 * value, digits), fixed(expanded, digits))
         }
     }
 }
@@ -258,7 +259,7 @@ fn removed(line: &DelayLine) -> String {
                 "own-network" => "this flight",
                 other => other,
             };
-            format!("{:.1} ms, from {from}", 1e3 * delay_s)
+            format!("{} ms, from {from}", fixed(1e3 * delay_s, 1))
         }
         None => "nothing".to_owned(),
     }
@@ -289,4 +290,230 @@ fn settings(set: &[LineSetting]) -> String {
         }
     };
     set.iter().map(one).collect::<Vec<_>>().join("; ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A flight of an intact log with a position 203 ms late; nothing was removed.
+    fn late(flight: &str) -> DelayLine {
+        DelayLine {
+            flight: flight.to_owned(),
+            group: "M8 at 5 Hz".to_owned(),
+            kind: "constant".to_owned(),
+            lateness_s: Some(0.2034),
+            lateness_u_s: Some(0.0081),
+            lateness_low_s: Some(0.1873),
+            lateness_high_s: Some(0.2195),
+            datum: "imu".to_owned(),
+            position_minus_velocity_s: Some(0.12),
+            position_minus_velocity_u_s: Some(0.002),
+            velocity: Some("velocity.gps".to_owned()),
+            removed_s: None,
+            removed_from: "none".to_owned(),
+            effect: "no-change".to_owned(),
+            error_raw_m: Some(4.0),
+            error_raw_u_m: None,
+            error_compensated_m: None,
+            error_compensated_u_m: None,
+            alarms: vec![],
+            data: "whole".to_owned(),
+            words: "203 ms late".to_owned(),
+            effect_words: String::new(),
+            set: vec![],
+            fly: None,
+            duplicate_of: None,
+            reference_file: None,
+        }
+    }
+
+    fn alarm(gravity: &str, code: &str) -> LineAlarm {
+        LineAlarm { gravity: gravity.to_owned(), code: code.to_owned(), text: format!("text of {code}") }
+    }
+
+    fn group(name: &str, flights: u64) -> GroupLine {
+        GroupLine {
+            group: name.to_owned(),
+            flights,
+            pooled: flights,
+            lateness_s: None,
+            lateness_u_s: None,
+            lateness_low_s: None,
+            lateness_high_s: None,
+            datum: String::new(),
+            between_s: None,
+            words: "on time".to_owned(),
+            outliers: vec![],
+            set: vec![],
+        }
+    }
+
+    /// Names and values of the rows below the first line.
+    fn rows(text: &str) -> Vec<(&str, &str)> {
+        let rows = text.lines().skip(1).map(|line| line.split_at(24));
+        rows.map(|(name, value)| (name.trim(), value)).collect()
+    }
+
+    #[test]
+    fn one_flight_has_a_row_for_everything_known_and_none_for_the_rest() {
+        let text = one_flight(&late("a.bin"));
+        assert!(text.starts_with("a.bin: 203 ms late\n"), "{text}");
+        let known = [
+            ("lateness (k = 2)", "203 ± 16 ms, against the IMU"),
+            ("95 % interval", "187.3 to 219.5 ms"),
+            ("kind", "constant"),
+            ("position - velocity", "120.0 ± 4.0 ms, velocity.gps"),
+            ("campaign removes", "nothing"),
+            ("group", "M8 at 5 Hz"),
+        ];
+        assert_eq!(rows(&text), known);
+        let set = |unsuitable| LineSetting {
+            name: "GPS_DELAY_MS".to_owned(),
+            value: 203.0,
+            unit: "ms".to_owned(),
+            note: "most is 250".to_owned(),
+            unsuitable,
+        };
+        let more = DelayLine {
+            removed_s: Some(0.2),
+            removed_from: "others-flights".to_owned(),
+            effect_words: "the error fell".to_owned(),
+            data: "tail-cut".to_owned(),
+            set: vec![set(false), set(true)],
+            fly: Some("turns".to_owned()),
+            reference_file: Some("its clock is that of the log".to_owned()),
+            alarms: vec![alarm("grey", "one"), alarm("amber", "two")],
+            lateness_s: None,
+            lateness_low_s: None,
+            position_minus_velocity_s: None,
+            ..late("b.bin")
+        };
+        let known = [
+            ("kind", "constant"),
+            ("campaign removes", "200.0 ms, from other flights"),
+            ("effect", "the error fell"),
+            ("data", "tail cut"),
+            ("set", "GPS_DELAY_MS = 203 (most is 250); GPS_DELAY_MS cannot remove it: most is 250"),
+            ("fly", "turns"),
+            ("group", "M8 at 5 Hz"),
+            ("reference file", "its clock is that of the log"),
+            ("remark", "text of one"),
+            ("alarm", "text of two"),
+        ];
+        assert_eq!(rows(&one_flight(&more)), known);
+        assert!(data("minor-loss").contains("less than 0.1 %"), "{}", data("minor-loss"));
+        let own = DelayLine { removed_from: "own-network".to_owned(), ..more };
+        assert_eq!(removed(&own), "200.0 ms, from this flight");
+    }
+
+    #[test]
+    fn a_reference_that_was_not_used_is_the_first_line() {
+        let alarms = vec![alarm("amber", "reference-not-used"), alarm("red", "two")];
+        let line = DelayLine { alarms, ..late("a.bin") };
+        let text = one_flight(&line);
+        assert!(text.starts_with("text of reference-not-used\na.bin: 203 ms late\n"), "{text}");
+        assert_eq!(text.matches("reference").count(), 1, "{text}");
+        let with_file = DelayLine { reference_file: Some("another day".to_owned()), ..line };
+        let text = one_flight(&with_file);
+        assert!(text.starts_with("reference file text of reference-not-used\na.bin: "), "{text}");
+        assert!(!text.contains("another day") && text.ends_with("text of two\n"), "{text}");
+    }
+
+    #[test]
+    fn a_value_has_as_many_decimals_as_its_uncertainty_needs() {
+        let cases = [
+            (None, Some(0.1), ""),
+            (Some(0.2034), None, "203.4"),
+            (Some(0.2034), Some(0.005), "203 ± 10"),
+            (Some(0.2034), Some(0.004), "203.4 ± 8.0"),
+            (Some(-0.2034), Some(0.0005), "\u{2212}203.4 ± 1.0"),
+            (Some(-0.000_01), Some(0.008), "0 ± 16"),
+            (Some(0.2034), Some(0.0004), "203.40 ± 0.80"),
+        ];
+        for (value, u, text) in cases {
+            assert_eq!(expanded_ms(value, u), text);
+        }
+    }
+
+    #[test]
+    fn the_effect_of_a_removed_delay_comes_with_the_errors_before_and_after() {
+        let removed = |effect: &str, after| DelayLine {
+            removed_s: Some(0.2),
+            effect: effect.to_owned(),
+            error_compensated_m: after,
+            ..late("a.bin")
+        };
+        assert_eq!(effect(&late("a.bin")), "");
+        assert_eq!(effect(&DelayLine { effect: "cannot-tell".to_owned(), ..late("a.bin") }), "cannot tell");
+        assert_eq!(effect(&removed("helped", Some(0.5))), "helped 4.00 -> 0.50 m");
+        assert_eq!(effect(&removed("harmed", Some(12.0))), "HARMED 4.00 -> 12.0 m");
+        assert_eq!(effect(&removed("no-change", None)), "no change");
+    }
+
+    #[test]
+    fn several_flights_are_a_table_that_ends_with_the_number_of_further_ones() {
+        let copy = DelayLine { duplicate_of: Some("a.bin".to_owned()), data: "tail-cut".to_owned(), ..late("b.bin") };
+        let flights = [late("a.bin"), copy, late("c.bin")];
+        let cells =
+            |line: &str| line.split("  ").map(str::trim).filter(|cell| !cell.is_empty()).collect::<Vec<_>>().join("|");
+        let lines = |most| -> Vec<String> { flights_text(&flights, most).lines().map(cells).collect() };
+        let row = |name: &str, data: &str| format!("{name}|203 ± 16|imu|constant|120.0 ± 4.0|nothing|{data}");
+        let expected = [
+            "flight|lateness ms|against|kind|pos-vel ms|removed|effect|data".to_owned(),
+            row("a.bin", "whole"),
+            row("b.bin", "tail cut, copy of a.bin"),
+            row("c.bin", "whole"),
+        ];
+        assert_eq!(lines(3), expected);
+        assert_eq!(lines(2), [&expected[..3], &["and 1 more flight".to_owned()]].concat());
+        let whole = text(&flights, &[group("M8", 3)], 2);
+        assert_eq!(whole, format!("M8: on time\n\n{}", flights_text(&flights, 2)));
+    }
+
+    #[test]
+    fn alike_groups_are_one_line_and_files_without_a_group_are_counted() {
+        let set = vec![LineSetting {
+            name: "EKF2_GPS_DELAY".to_owned(),
+            value: 110.0,
+            unit: "ms".to_owned(),
+            note: String::new(),
+            unsuitable: false,
+        }];
+        let groups = [group("M8", 2), group("M8", 5), GroupLine { set, ..group("F9", 1) }, group("", 1), group("", 2)];
+        let expected = "M8: on time\nF9: on time\n  set EKF2_GPS_DELAY = 110\n3 files in no group; see below\n";
+        assert_eq!(groups_text(&groups), expected);
+    }
+
+    #[test]
+    fn what_needs_attention_is_listed_by_severity() {
+        let flight = |name: &str, kind: &str, data: &str, alarms| DelayLine {
+            kind: kind.to_owned(),
+            data: data.to_owned(),
+            alarms,
+            ..late(name)
+        };
+        let unknown = |name: &str, data: &str| flight(name, "cannot-tell", data, vec![]);
+        let harmed = DelayLine { effect: "harmed".to_owned(), effect_words: "worse".to_owned(), ..late("harmed") };
+        let flights = [
+            unknown("unknown", "whole"),
+            flight("amber", "constant", "whole", vec![alarm("amber", "two"), alarm("grey", "three")]),
+            unknown("failed", "failed"),
+            flight("red", "constant", "whole", vec![alarm("red", "one")]),
+            unknown("companion", "companion"),
+            harmed,
+        ];
+        let expected = "\nneeds attention\n  harmed: worse\n  red: text of one\n  failed: 203 ms late\n  \
+            amber: text of two\n  unknown: 203 ms late\n";
+        assert_eq!(alarms_text(&flights), expected);
+        assert_eq!(companions_text(&flights), "\nnot a flight\n  companion: 203 ms late\n");
+        assert_eq!(alarms_text(&[late("a")]) + &companions_text(&[late("a")]), "");
+
+        for (count, last) in [(20, "  20: 203 ms late"), (23, "  and 3 more")] {
+            let many = |data: &str| (1..=count).map(|i| unknown(&i.to_string(), data)).collect::<Vec<_>>();
+            for text in [alarms_text(&many("whole")), companions_text(&many("companion"))] {
+                assert_eq!(text.lines().last(), Some(last));
+            }
+        }
+    }
 }

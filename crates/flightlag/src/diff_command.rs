@@ -220,3 +220,150 @@ fn section(title: &str, table: &Table, all: usize) -> String {
     };
     crate::findings::section(title, table) + &more
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use record::{ChangeCause, MovedAdvice, MovedDelay, RerunCause};
+
+    fn named(flight: &str) -> NamedFlight {
+        NamedFlight { campaign: String::new(), flight: flight.to_owned(), page: None }
+    }
+
+    fn words(flight: &str, word: &str) -> FlightWords {
+        FlightWords { flight: named(flight), words: vec![word.to_owned()], error: None, texts: vec![] }
+    }
+
+    fn estimate(value: f64, standard_uncertainty: Option<f64>) -> Estimate {
+        Estimate { value, standard_uncertainty }
+    }
+
+    fn compared(folder: &str, flights: u64) -> ComparedReport {
+        ComparedReport {
+            folder: folder.to_owned(),
+            name: folder.to_owned(),
+            flights,
+            flightlag_version: "1.2".to_owned(),
+            analysis_version: 7,
+            settings: "usual".to_owned(),
+            settings_blake3: "0123456789".to_owned(),
+            criteria_blake3: None,
+        }
+    }
+
+    fn moved_number(flight: &str, unit: &str, sigmas: Option<f64>) -> MovedNumber {
+        let u = sigmas.map(|_| 0.01);
+        MovedNumber {
+            flight: named(flight),
+            quantity: "lateness".to_owned(),
+            unit: unit.to_owned(),
+            before: estimate(0.2, u),
+            now: estimate(0.25, u),
+            sigmas,
+            causes: vec![ChangeCause::Settings, ChangeCause::Build],
+        }
+    }
+
+    /// The lines of a text, with single blanks.
+    fn lines(text: &str) -> Vec<String> {
+        text.lines().map(|line| line.split_whitespace().collect::<Vec<_>>().join(" ")).collect()
+    }
+
+    #[test]
+    fn every_kind_of_change_has_a_titled_section() {
+        let alarm = FlightWords { texts: vec!["it drifts".to_owned(), String::new()], ..words("e", "drift") };
+        let failed = FlightWords { error: Some("no position".to_owned()), ..words("f", "failed") };
+        let found = DiffRecord {
+            record_version: 1,
+            before: compared("a", 1),
+            now: compared("b", 9),
+            settings: vec!["delay.position_s: was 0.4, is 0.35".to_owned()],
+            changes: RunChanges {
+                compared: 6,
+                new: vec![named("n"), named("m")],
+                gone: vec![named("g")],
+                rerun: vec![RerunCause { flight: named("r"), causes: vec![ChangeCause::Log] }],
+                moved: vec![moved_number("s", "s", Some(3.54)), moved_number("t", "m", None)],
+                failing: vec![failed, words("n", "harmed")],
+                recovered: vec![words("h", "harmed")],
+                alarms_new: vec![alarm],
+                alarms_cleared: vec![words("i", "steps")],
+                remarks_new: vec![words("j", "copy")],
+                remarks_cleared: vec![words("k", "short")],
+                advice: vec![MovedAdvice {
+                    flight: named("p"),
+                    parameter: "GPS_DELAY".to_owned(),
+                    before_s: None,
+                    now_s: Some(0.11),
+                }],
+                ..RunChanges::default()
+            },
+            moved_groups: vec![MovedDelay {
+                name: "M8".to_owned(),
+                before_s: estimate(0.2, Some(0.001)),
+                now_s: estimate(0.21, Some(0.001)),
+                sigmas: 7.07,
+            }],
+        };
+        let expected = [
+            "first: a: 1 flight, settings \"usual\" (01234567), flightlag 1.2, analysis 7",
+            "second: b: 9 flights, settings \"usual\" (01234567), flightlag 1.2, analysis 7",
+            "delay.position_s: was 0.4, is 0.35",
+            "6 flights in both: 1 number moved by more than 2 sigma, 1 by more than 10 % (uncertainty unknown), 1 with \
+             another result, 1 newly failing; 2 only in the second (1 failing), 1 only in the first",
+            "groups that moved",
+            "group first ms second ms sigma",
+            "M8 200.0 ± 2.0 210.0 ± 2.0 7.1",
+            "moved by more than 2 sigma, or by more than 10 % where that is unknown (± is U, k = 2)",
+            "flight quantity first second unit sigma because of",
+            "s lateness 200.0 ± 20.0 250.0 ± 20.0 ms +3.5 settings, build",
+            "t lateness 0.200 0.250 m unknown settings, build",
+            "another result",
+            "flight because of",
+            "r log",
+            "newly failing",
+            "flight what in words",
+            "f failed no position",
+            "another value recommended",
+            "flight parameter first ms second ms",
+            "p GPS_DELAY none 110",
+            "no longer failing",
+            "flight what",
+            "h was harmed",
+            "new alarms",
+            "flight what in words",
+            "e drift it drifts",
+            "alarms cleared",
+            "flight what",
+            "i steps",
+            "new remarks",
+            "flight what",
+            "j copy",
+            "remarks cleared",
+            "flight what",
+            "k short",
+            "only in the second",
+            "flight",
+            "n",
+            "m",
+            "failing, only in the second",
+            "flight what",
+            "n harmed",
+            "only in the first",
+            "flight",
+            "g",
+        ];
+        assert_eq!(lines(&text(&found)), expected);
+        let same = DiffRecord { settings: vec![], changes: RunChanges::default(), moved_groups: vec![], ..found };
+        assert_eq!(lines(&text(&same)).len(), 3, "nothing changed, nothing is listed");
+    }
+
+    #[test]
+    fn a_long_section_ends_with_the_number_of_rows_that_only_the_page_has() {
+        let changes = |count: usize| RunChanges { gone: vec![named("g"); count], ..RunChanges::default() };
+        for (count, last) in [(50, "g"), (53, "and 3 more; --json and the page of --out have all")] {
+            let lines = lines(&lists(&changes(count)));
+            assert_eq!((lines.len(), lines.last().unwrap().as_str()), (2 + count.min(51), last));
+        }
+    }
+}

@@ -62,3 +62,35 @@ pub(crate) fn library(folder: Option<&Path>) -> Result<MapLibrary, IngestError> 
         None => Ok(shipped),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_unknown_map_is_a_usage_error_with_the_nearest_names() {
+        let library = library(None).unwrap();
+        let known = library.iter().next().unwrap().name.clone();
+        assert!(check_name(&library, None).is_ok() && check_name(&library, Some(&known)).is_ok());
+        let misspelt = format!("{known}x");
+        let failure = format!("{:?}", check_name(&library, Some(&misspelt)).unwrap_err());
+        assert!(
+            failure.starts_with("Failure { exit: Wrong") && failure.contains(&format!("nearest are {known}")),
+            "{failure}"
+        );
+    }
+
+    #[test]
+    fn a_text_file_that_is_not_a_flight_may_still_be_a_table() {
+        let folder = tempfile::tempdir().unwrap();
+        let library = library(None).unwrap();
+        for (name, is_table) in [("a.csv", true), ("a.txt", true), ("a.bin", false), ("missing.csv", false)] {
+            let path = folder.path().join(name);
+            if name.starts_with('a') {
+                std::fs::write(&path, "hello\n").unwrap();
+            }
+            let unit = unit_of_table(&path, &library);
+            assert_eq!(unit.is_ok_and(|unit| unit.kind == LogKind::Csv && unit.files == [path]), is_table, "{name}");
+        }
+    }
+}

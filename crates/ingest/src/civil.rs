@@ -614,6 +614,13 @@ mod tests {
         {
             assert!(shown(unclear).is_err(), "{unclear:?}");
         }
+        // The date that proves it is shown to the user.
+        let proof = |dates: &[&str]| {
+            DateOrder::shown_by(dates.iter().copied()).map_or_else(str::to_owned, |o| o.unwrap().1.to_owned())
+        };
+        assert_eq!(proof(&["05/06/2021", "23/06/2021", "24/06/2021"]), "23/06/2021");
+        assert_eq!(proof(&["2021-06-05", "05.06.2021", "06.06.2021"]), "05.06.2021");
+        assert_eq!(proof(&["05/06/2021", "05/16/2021", "23/06/2021", "24/06/2021"]), "23/06/2021");
     }
 
     #[test]

@@ -165,4 +165,15 @@ mod tests {
         let whole = finding(3.0, None, Limit::AtMost(0.15), CriterionVerdict::Fail);
         assert_eq!(criterion_value(&whole).unwrap().0, "3000");
     }
+
+    #[test]
+    fn a_value_without_uncertainty_has_enough_digits_to_show_its_side_of_the_limit() {
+        let shown = |value_ms: f64, limit_ms: f64| {
+            let limit = Limit::AtMost(1e-3 * limit_ms);
+            criterion_value(&finding(1e-3 * value_ms, None, limit, CriterionVerdict::Pass)).unwrap()
+        };
+        assert_eq!(shown(12.0, 50.0), ("12".to_owned(), None));
+        assert_eq!(shown(123.45, 200.0), ("123".to_owned(), None));
+        assert_eq!(shown(150.04, 150.0), ("150.04".to_owned(), None));
+    }
 }

@@ -296,4 +296,34 @@ mod tests {
         assert_eq!(count(1_234_567), "1\u{202f}234\u{202f}567");
         assert_eq!(counted(1, "file", "files"), "1 file");
     }
+
+    #[test]
+    fn durations_have_their_two_largest_units() {
+        for (seconds, text) in [
+            (0.4, "0 s"),
+            (52.0, "52 s"),
+            (59.5, "1 min 0 s"),
+            (112.0, "1 min 52 s"),
+            (3599.4, "59 min 59 s"),
+            (3600.0, "1 h 0 min"),
+            (7_530.0, "2 h 5 min"),
+            (-52.0, "52 s"),
+        ] {
+            assert_eq!(lasting(seconds).replace('\u{a0}', " "), text, "{seconds}");
+        }
+    }
+
+    #[test]
+    fn a_probability_has_three_decimals_below_a_tenth_and_is_never_zero() {
+        for (p, text) in [
+            (0.0, "p < 0.001"),
+            (0.000_9, "p < 0.001"),
+            (0.001, "p = 0.001"),
+            (0.046_2, "p = 0.046"),
+            (0.1, "p = 0.10"),
+            (0.623, "p = 0.62"),
+        ] {
+            assert_eq!(probability(p), text);
+        }
+    }
 }

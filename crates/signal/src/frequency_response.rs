@@ -608,4 +608,29 @@ mod tests {
             .filter(|_| random.random::<f64>() > 0.1)
             .collect()
     }
+
+    /// A gain of a thousand, as from millimetres, has a thousand times the error; phase and coherence stay.
+    #[test]
+    fn gains_scale_with_the_unit_and_phases_do_not() {
+        let mut random = Pcg64::seed_from_u64(11);
+        let hand = Hand::new(&mut random);
+        let t = regular(&mut random);
+        let mut noisy = |y: f64| y + 0.05 * <StandardNormal as Distribution<f64>>::sample(&StandardNormal, &mut random);
+        let y: Vec<f64> = hand.through(sensor, &t).into_iter().map(&mut noisy).collect();
+        let millimetres: Vec<f64> = y.iter().map(|y| 1e3 * y).collect();
+        let [small, large] = [&y, &millimetres].map(|y| frequency_response(&t, y, &hand, 0.45, 8.0, 50.0).unwrap());
+        assert!(small.points.iter().filter(|p| p.reliable).count() > 5);
+        for (small, large) in small.points.iter().zip(&large.points) {
+            assert_eq!(small.reliable, large.reliable);
+            if !small.reliable {
+                continue;
+            }
+            let near = |a: f64, b: f64| assert!((a - b).abs() <= 1e-5 * b.abs(), "{a} {b}");
+            near(large.gain, 1e3 * small.gain);
+            near(large.gain_u95, 1e3 * small.gain_u95);
+            near(large.phase_rad, small.phase_rad);
+            near(large.phase_u95, small.phase_u95);
+            near(large.coherence, small.coherence);
+        }
+    }
 }

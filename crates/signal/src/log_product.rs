@@ -32,3 +32,19 @@ impl LogProduct {
         self.sum + self.product.ln()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The product itself would be 0 or infinite.
+    #[test]
+    fn the_sum_of_many_logarithms_is_exact_where_the_product_overflows() {
+        for (factor, count) in [(1e40, 50), (1e-40, 50), (1.5, 1000), (0.999, 40), (1e200, 3), (1e-300, 2)] {
+            let mut product = LogProduct::default();
+            (0..count).for_each(|_| product.times(factor));
+            let expected = f64::from(count) * f64::ln(factor);
+            assert!((product.sum() - expected).abs() < 1e-12 * expected.abs(), "{factor}: {}", product.sum());
+        }
+    }
+}

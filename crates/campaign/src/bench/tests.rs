@@ -106,6 +106,33 @@ fn records_of_different_folders_with_the_same_name_are_distinguished() {
     assert_eq!(names, ["a.mcap", "a.mcap~2"]);
 }
 
+#[test]
+fn each_log_of_a_record_has_its_role() {
+    let logs = [
+        log("a.mcap", "both", BOTH),
+        log("e.csv", "pair", ENCODER),
+        log("s.mcap", "pair", SENSOR),
+        log("e.csv", "alone", ENCODER),
+        log("s.mcap", "only", SENSOR),
+        log("x.mcap", "bad", None),
+    ];
+    let rig = Rig::shipped_default().unwrap();
+    let roles = |swing: &Swing| -> Vec<String> {
+        let record = bench_study::defect(swing, &rig, &logs, "index out of bounds");
+        let reason = bench_study::outcome_reason(&record.outcome).unwrap();
+        assert_eq!(
+            (bench_study::outcome_name(&record.outcome), reason.contains("index out of bounds")),
+            ("failed", true)
+        );
+        record.logs.into_iter().map(|log| log.role).collect()
+    };
+    let found: Vec<Vec<String>> = pair::pair(&logs, false).iter().map(roles).collect();
+    assert_eq!(
+        found,
+        [vec!["encoder and sensor"], vec!["encoder", "sensor"], vec!["encoder"], vec!["sensor"], vec!["unknown"]]
+    );
+}
+
 // --- the whole run, on simulated records ---
 
 /// Velocity 20 ms late, 12 s of swing.
@@ -155,6 +182,42 @@ fn order(folder: &Path, records: &[&str], out: &str) -> BenchOrder {
 fn go(order: &BenchOrder, threads: usize) -> Result<BenchVerdict, CampaignError> {
     let quiet = |_: &Event| {};
     bench_run(order, &RunContext { threads, cancel: &AtomicBool::new(false), events: &quiet })
+}
+
+/// What the events of a run say.
+#[derive(Debug, PartialEq)]
+struct Told {
+    /// For each record: the outcome, and whether there is a reason.
+    outcomes: Vec<(&'static str, bool)>,
+    sensor: String,
+    card: Option<String>,
+    records: usize,
+    measured: usize,
+}
+
+/// The same with its events.
+fn go_told(order: &BenchOrder) -> (BenchVerdict, Told) {
+    let events = std::sync::Mutex::new(vec![]);
+    let keep = |event: &Event| events.lock().unwrap().push(event.clone());
+    let context = RunContext { threads: 1, cancel: &AtomicBool::new(false), events: &keep };
+    let verdict = bench_run(order, &context).unwrap();
+    let (mut outcomes, mut told) = (vec![], vec![]);
+    for event in events.into_inner().unwrap() {
+        match event {
+            Event::Measured { record, outcome, reason, lossy } => {
+                assert_eq!((&record, lossy), (&verdict.rows[outcomes.len()].name, false));
+                outcomes.push((outcome, reason.is_some()));
+            }
+            Event::Carded { sensor, card, report, records, measured, channels, notices } => {
+                assert_eq!((&report, channels.as_slice()), (&verdict.page, verdict.channels()));
+                assert_eq!(notices, verdict.notices);
+                told.push(Told { outcomes: std::mem::take(&mut outcomes), sensor, card, records, measured });
+            }
+            _ => {}
+        }
+    }
+    let [told] = told.try_into().unwrap();
+    (verdict, told)
 }
 
 /// Every file below a folder except `run.json` and internal files.
@@ -270,13 +333,18 @@ fn a_record_without_a_delay_is_a_row_and_no_card_is_made_without_any() {
     let folder = bench();
     let mut asked = order(folder.path(), &["logs/pair/imu.mcap"], "out");
     asked.card = Some(folder.path().join("copy.card.toml"));
-    let verdict = go(&asked, 1).unwrap();
+    let (verdict, told) = go_told(&asked);
+    let failed = vec![("failed", true)];
+    assert_eq!(told, Told { outcomes: failed, sensor: "M 1".to_owned(), card: None, records: 1, measured: 0 });
     assert!(matches!(&verdict.rows[0].outcome, BenchOutcome::Failed { reason } if reason.contains("--encoder")));
     assert_eq!((verdict.exit(), verdict.card_file), (Exit::Incomplete, None));
     assert!(verdict.page.exists() && !folder.path().join("copy.card.toml").exists());
 
     asked.encoder = Some(folder.path().join("logs/pair/enc.csv"));
-    let verdict = go(&asked, 1).unwrap();
+    let (verdict, told) = go_told(&asked);
+    let card = Some("m-1.card.toml".to_owned());
+    let measured = vec![("measured", false)];
+    assert_eq!(told, Told { outcomes: measured, sensor: "M 1".to_owned(), card, records: 1, measured: 1 });
     assert_eq!(verdict.exit(), Exit::Well, "{:?}", verdict.rows);
     let copy = std::fs::read(folder.path().join("copy.card.toml")).unwrap();
     assert_eq!(copy, std::fs::read(verdict.card_file.unwrap()).unwrap());

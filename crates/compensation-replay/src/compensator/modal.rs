@@ -288,4 +288,25 @@ mod tests {
             assert!((real.2 - neighbour.2).norm() < 1e-12);
         }
     }
+
+    /// Compared with the sums of Σ x^k/k!, Σ x^k/(k+1)! and Σ x^k/(k+2)!.
+    #[test]
+    fn the_factors_equal_their_power_series() {
+        for size in [0.003, 0.05, 0.0999, 0.1001, 0.7] {
+            for angle in [0.0, 0.4, 2.0, 2.9, std::f64::consts::PI, -1.3] {
+                let x = Complex::from_polar(size, angle);
+                let series = |shift: u32| {
+                    let first = 1.0 / f64::from((1..=shift).product::<u32>());
+                    let next = |(sum, term): (Complex<f64>, Complex<f64>), k: u32| {
+                        (sum + term, term * x / f64::from(k + shift))
+                    };
+                    (1..40).fold((Complex::from(0.0), Complex::from(first)), next).0
+                };
+                let found = exponentials(x);
+                for (found, shift) in [found.0, found.1, found.2].into_iter().zip(0..) {
+                    assert!((found - series(shift)).norm() < 1e-13 / size, "{x}: {found} {}", series(shift));
+                }
+            }
+        }
+    }
 }

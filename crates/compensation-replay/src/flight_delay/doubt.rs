@@ -200,4 +200,35 @@ mod tests {
         assert_eq!(by_window(agreement(0.02), &windows(&[-2.0, 0.0, 2.0])), 0.0);
         assert_eq!(by_window(None, &windows(&[0.0])), 0.0);
     }
+
+    /// Uniformly distributed between two groups 40 ms apart.
+    #[test]
+    fn groups_that_differ_widen_the_interval_by_their_span_over_the_root_of_twelve() {
+        let settings = simulate::FlightSettings { duration_s: 60.0, ..simulate::FlightSettings::default() };
+        let flight = simulate::simulate(&settings).unwrap().to_flight().unwrap();
+        let (mut delays, _) = crate::measure_delays(&flight, &crate::FlightDelaySettings::default());
+        let record::Finding::Found(mut found) = delays.pairs.remove(0).delay else { panic!("no delay") };
+        let group = |value: f64| record::DelayGroup {
+            range: [10.0, 20.0],
+            samples: 100,
+            delay_s: Estimate { value, standard_uncertainty: Some(0.001) },
+        };
+        let split = |p: f64| record::DelaySplit {
+            by: "ground speed, m/s".to_owned(),
+            groups: vec![group(0.42), group(0.38)],
+            p: Some(p),
+        };
+        found.alarms.clear();
+        found.splits = vec![split(0.2)];
+        assert_eq!((by_operating_point(&mut found, 1e-3), found.alarms.len()), (0.0, 0));
+        found.splits = vec![split(1e-6), split(0.2), split(1e-6)];
+        let wider_s = by_operating_point(&mut found, 1e-3);
+        assert!((wider_s - 0.04 * (2.0_f64 / 12.0).sqrt()).abs() < 1e-12, "{wider_s}");
+        assert_eq!(found.alarms.len(), 2);
+        assert!(
+            found.alarms[0].starts_with("the delay differs by 40 ms, depending on ground speed"),
+            "{:?}",
+            found.alarms
+        );
+    }
 }

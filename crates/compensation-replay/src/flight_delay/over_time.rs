@@ -93,3 +93,28 @@ fn largest_step(windows: &[DelayWindow]) -> Option<DelayStep> {
     };
     (1..windows.len()).map(step).max_by(|a, b| a.0.total_cmp(&b.0)).map(|s| s.1)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_largest_step_is_at_the_border_where_the_means_differ_most() {
+        let window = |(k, delay_s): (usize, f64)| DelayWindow {
+            start_s: 60.0 * k as f64,
+            end_s: 60.0 * k as f64 + 50.0,
+            delay_s,
+            standard_uncertainty_s: 0.01,
+        };
+        let windows: Vec<DelayWindow> = [0.4, 0.4, 0.43, 0.43].into_iter().enumerate().map(window).collect();
+        let step = largest_step(&windows).unwrap();
+        // Means of two windows each: 30 ms ± 10 ms apart, which is three standard uncertainties, at one of three borders.
+        assert_eq!(step.at_s, 115.0);
+        assert!((step.before_s.value - 0.4).abs() < 1e-12 && (step.after_s.value - 0.43).abs() < 1e-12, "{step:?}");
+        let u = 0.01 / 2_f64.sqrt();
+        assert!((step.before_s.standard_uncertainty.unwrap() - u).abs() < 1e-12, "{step:?}");
+        assert!((step.after_s.standard_uncertainty.unwrap() - u).abs() < 1e-12, "{step:?}");
+        assert!((step.p - 3.0 * 0.002_699_8).abs() < 1e-6, "{step:?}");
+        assert!(largest_step(&windows[..1]).is_none());
+    }
+}

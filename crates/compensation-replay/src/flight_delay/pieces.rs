@@ -444,3 +444,34 @@ fn keep_the_best(mut all: Vec<Piece>, first: &Horizontal, names: &Names, notices
     }
     all
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// 20 Hz: the neighbours are 0.1 s apart, so 100 m/s² is a jump of 10 m/s.
+    fn kept(north: impl Fn(usize) -> f64) -> Option<(usize, u64)> {
+        let t: Vec<f64> = (0..100).map(|k| 0.05 * k as f64).collect();
+        let rate = Horizontal { axes: [(0..100).map(north).collect(), vec![3.0; 100]], t };
+        let mut notices = Notices::default();
+        let kept = without_spikes(&rate, &mut None, "velocity.gps", &mut notices)?;
+        assert!(!kept.t.contains(&(0.05 * 40.0)), "row 40 is left out");
+        Some((kept.axes[0].len(), notices.iter().map(|notice| notice.count).sum()))
+    }
+
+    #[test]
+    fn a_velocity_that_jumps_away_and_back_is_left_out_and_counted() {
+        let spike = |size: f64| move |k: usize| if k == 40 { 5.0 + size } else { 5.0 };
+        assert_eq!(kept(spike(10.5)), Some((99, 1)));
+        assert_eq!(kept(spike(-10.5)), Some((99, 1)));
+        assert_eq!(kept(spike(9.5)), None);
+    }
+
+    #[test]
+    fn a_step_of_the_velocity_and_noise_of_the_same_size_are_kept() {
+        assert_eq!(kept(|k| if k < 40 { 5.0 } else { 25.0 }), None);
+        // Every sample differs from the mean of its neighbours by 2 m/s.
+        let noise = |k: usize| if k.is_multiple_of(2) { 1.0 } else { -1.0 };
+        assert_eq!(kept(|k| noise(k) + if k == 40 { 12.0 } else { 0.0 }), None);
+    }
+}

@@ -39,3 +39,19 @@ fn from_zero(mut values: Vec<f64>) -> Vec<f64> {
     values.iter_mut().for_each(|v| *v -= least);
     values
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_grid_covers_the_search_evenly_with_the_best_delay_on_it() {
+        assert_eq!(grid(-1.0, 3.0, 5, 0.3), [-1.0, 0.0, 0.3, 1.0, 2.0, 3.0]);
+        assert_eq!(grid(-1.0, 3.0, 5, 1.0), [-1.0, 0.0, 1.0, 2.0, 3.0]);
+    }
+
+    #[test]
+    fn the_least_value_becomes_zero() {
+        assert_eq!(from_zero(vec![7.0, 4.0, 5.0]), [3.0, 0.0, 1.0]);
+    }
+}

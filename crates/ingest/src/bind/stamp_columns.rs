@@ -380,3 +380,59 @@ fn pairs_in(rule: &TieRule, table: &Table) -> Option<Pairs> {
     let repairs = stamps.repairs.into_iter().chain(utc.repairs).collect();
     Some(Pairs { clock: rule.clock, source, pairs, from_gps: utc.clock == Clock::Gps, repairs })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::table::{Places, TopicInfo};
+
+    const BOOT_NS: i64 = 60 * NANOS_PER_SECOND;
+    const UNIX_NS: i64 = 1_700_000_000 * NANOS_PER_SECOND;
+
+    fn table(encoding: &str) -> Table {
+        let topic = TopicInfo { encoding: encoding.to_owned(), ..TopicInfo::default() };
+        let origin = Places::default();
+        Table { topic, rows: 0, logged_ns: None, published_ns: None, origin, columns: vec![] }
+    }
+
+    #[test]
+    fn most_rows_decide_whether_a_mavlink_time_is_since_boot_or_since_1970() {
+        let source = |clock| TimeSource::Number {
+            field: "time_usec".to_owned(),
+            tick: Tick::Micros,
+            clock,
+            zero_s: 0,
+            bits: USUAL_BITS,
+        };
+        let clock = |stamped, encoding: &str, nanos: &[Option<i64>]| {
+            clock_of(&source(stamped), &table(encoding), &nanos.to_vec().into())
+        };
+        let [boot, unix] = [Some(BOOT_NS), Some(UNIX_NS)];
+        for (nanos, expected) in [
+            (&[unix, unix, unix][..], Clock::Unix),
+            (&[boot, boot, unix, unix, unix], Clock::Unix),
+            (&[unix, boot, unix, None, None, None], Clock::Unix),
+            (&[boot, boot, boot, unix, unix], Clock::Boot),
+            (&[None, boot], Clock::Boot),
+            (&[None], Clock::Boot),
+            (&[], Clock::Boot),
+            // Less than thirty years after 1970, and more than any log.
+            (&[Some(999_999_999 * NANOS_PER_SECOND)], Clock::Boot),
+            (&[Some(1_000_000_000 * NANOS_PER_SECOND)], Clock::Unix),
+            (&[Some(4_000_000_000 * NANOS_PER_SECOND)], Clock::Boot),
+        ] {
+            assert_eq!(clock(Clock::Boot, "mavlink", nanos), expected, "{nanos:?}");
+            assert_eq!(clock(Clock::Boot, "ulog", nanos), Clock::Boot);
+            assert_eq!(clock(Clock::Elapsed, "mavlink", nanos), Clock::Elapsed);
+        }
+    }
+
+    #[test]
+    fn log_times_of_autopilots_count_since_boot() {
+        for (encoding, expected) in
+            [("dataflash", Clock::Boot), ("ulog", Clock::Boot), ("mavlink", Clock::Unix), ("cdr", Clock::Unix)]
+        {
+            assert_eq!(clock_of(&TimeSource::ContainerLogged, &table(encoding), &vec![UNIX_NS].into()), expected);
+        }
+    }
+}

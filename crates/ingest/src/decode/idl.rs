@@ -613,14 +613,20 @@ module std_msgs { module msg { struct Header { builtin_interfaces::msg::Time sta
             ("Unknown x;", "Unknown is not defined"),
             ("sequence<A> x;", "contains itself"),
             ("Again x;", "contains itself"),
-            ("long x", "missing"),
+            ("long x", "after x: ';' is missing"),
             ("long x[99999999999];", "length"),
             ("N x;", "not a type"),
-            ("long \"x\";", "a name is missing"),
+            ("long \"x\";", "after long: a name is missing"),
         ] {
             assert!(of(members).contains(word), "{members}: {}", of(members));
         }
-        for (text, word) in [("struct A { long x; } /* no end", "comment"), ("'", "text"), ("}", "neither")] {
+        for (text, word) in [
+            ("struct A { long x; } /* no end", "comment"),
+            ("'", "text"),
+            ("}", "neither"),
+            ("@", "after the beginning: a name is missing"),
+            ("struct A { long x;", "after x"),
+        ] {
             assert!(Schema::parse_idl("A", text).unwrap_err().contains(word), "{text}");
         }
     }

@@ -450,6 +450,34 @@ mod tests {
     }
 
     #[test]
+    fn half_of_the_next_twenty_sentences_must_be_of_types_that_are_read() {
+        let (read, unread) = ("$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,", "$GPABC,1");
+        let sealed = |body: &str| format!("{body}*{:02X}", body.bytes().skip(1).fold(0, |sum, byte| sum ^ byte));
+        let lines = |known: usize, unknown: usize, checked: bool| -> String {
+            let bodies = std::iter::repeat_n(unread, unknown).chain(std::iter::repeat_n(read, known));
+            bodies.map(|body| if checked { sealed(body) } else { body.to_owned() } + "\r\n").collect()
+        };
+        for checked in [false, true] {
+            for (known, unknown) in [(10, 0), (10, 10), (11, 9), (20, 100)] {
+                let unknown_after = lines(known, unknown.min(20 - known), checked) + &lines(0, unknown, checked);
+                assert!(are_all(unknown_after.as_bytes(), checked), "{known} and {unknown}");
+                assert!(!are_all(unknown_after.as_bytes(), !checked), "{known} and {unknown}");
+            }
+            for (known, unknown) in [(9, 0), (9, 11), (0, 20)] {
+                assert!(!are_all(lines(known, unknown, checked).as_bytes(), checked), "{known} and {unknown}");
+            }
+            let mixed = lines(10, 9, checked) + &lines(1, 0, !checked);
+            assert!(!are_all(mixed.as_bytes(), checked));
+            // Other lines, and one that is not complete, do not count.
+            let between = lines(5, 0, checked)
+                + "a remark\n"
+                + &lines(5, 0, checked)
+                + &lines(1, 0, !checked).replace("\r\n", "");
+            assert!(are_all(between.as_bytes(), checked));
+        }
+    }
+
+    #[test]
     fn text_is_distinguished_from_sentences() {
         assert!(looks_like(b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\r\n"));
         assert!(!looks_like(b"$FLYS,1\r\n$COL,GNSS,time\r\n$DATA\r\n"));

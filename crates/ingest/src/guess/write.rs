@@ -172,16 +172,20 @@ fn of_motion(motion: &Motion) -> Channel<'_> {
 
 /// A name for each channel: after its source, or `gps` without one; the first one has a name that pipelines use.
 fn names<'s>(what: &str, sources: impl Iterator<Item = (&'s str, bool)>) -> Vec<String> {
+    let sources: Vec<(&str, bool)> = sources.collect();
+    // Receivers count from 0 or from 1: the first is `gps`, the second `gps-2`.
+    let first: u64 = if sources.iter().any(|(source, _)| *source == "0") { 0 } else { 1 };
     let plain = |source: &str, is_geodetic: bool| match source {
         "" if is_geodetic => "gps".to_owned(),
         "" => "local".to_owned(),
         "gnss" => "gps".to_owned(),
-        "0" | "1" => "gps".to_owned(),
-        number if number.bytes().all(|b| b.is_ascii_digit()) => format!("gps-{number}"),
         "ref" | "reference" | "gt" | "groundtruth" | "ground-truth" => "truth".to_owned(),
-        other => other.to_owned(),
+        other => match other.parse::<u64>() {
+            Ok(number) if number <= first => "gps".to_owned(),
+            Ok(number) => format!("gps-{}", number - first + 1),
+            Err(_) => other.to_owned(),
+        },
     };
-    let sources: Vec<(&str, bool)> = sources.collect();
     let says_gps = sources.iter().any(|(source, _)| matches!(*source, "gps" | "gnss"));
     let name = |(source, is_geodetic): &(&str, bool)| match *source {
         // Next to columns named after the GPS, plain ones belong to something else.
@@ -241,4 +245,33 @@ fn channel(text: &mut String, name: &str, channel: &Channel<'_>, at: &Where<'_>)
 /// Column names may contain anything.
 fn one_line(text: &str) -> String {
     text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn channels_are_named_after_their_sources_and_one_has_a_name_that_pipelines_use() {
+        type Sources = &'static [(&'static str, bool)];
+        let cases: [(Sources, &[&str]); 13] = [
+            (&[("", true), ("", false)], &["p.gps", "p.local"]),
+            (&[("", false)], &["p.gps"]),
+            (&[("gnss", true), ("", true)], &["p.gps", "p.plain"]),
+            (&[("0", true), ("1", true)], &["p.gps", "p.gps-2"]),
+            (&[("0", true), ("1", true), ("2", true)], &["p.gps", "p.gps-2", "p.gps-3"]),
+            (&[("1", true), ("2", true)], &["p.gps", "p.gps-2"]),
+            (&[("2", true), ("3", true)], &["p.gps", "p.gps-3"]),
+            (&[("camera", true), ("lidar", true)], &["p.gps", "p.lidar"]),
+            (&[("camera", true), ("ins", true)], &["p.camera", "p.ins"]),
+            (&[("ekf", true), ("ekf", true)], &["p.ekf", "p.ekf-2"]),
+            // The truth is the last to be taken for the channel whose delay is asked for.
+            (&[("gt", true), ("camera", true)], &["p.truth", "p.gps"]),
+            (&[("ref", true), ("ground-truth", true)], &["p.truth", "p.truth-2"]),
+            (&[], &[]),
+        ];
+        for (sources, expected) in cases {
+            assert_eq!(names("p", sources.iter().copied()), expected, "{sources:?}");
+        }
+    }
 }

@@ -486,6 +486,22 @@ fn several_files_are_topics_of_one_log_and_a_stray_one_is_harmless() {
 }
 
 #[test]
+fn the_payload_of_a_table_is_its_rows_without_their_line_ends() {
+    for (text, payload) in [
+        ("t,x\n1,2\n30,40\n", "1,230,40"),
+        ("t,x\r\n1,2\r\n30,40\r\n", "1,230,40"),
+        ("t,x\n1,2\n\n# remark\n30,40\n", "1,230,40"),
+        ("t,x\n1,\"a\nb\"\n2,c\n", "1,\"a\nb\"2,c"),
+    ] {
+        for selection in [Selection::All, Selection::Skip] {
+            let log = read_limited(text.as_bytes(), &selection, Limits::default()).unwrap();
+            let [topic] = log.health.topics.as_slice() else { panic!("{:?}", log.health.topics) };
+            assert_eq!((topic.messages, topic.payload_bytes), (2, payload.len() as u64), "{text:?} {selection:?}");
+        }
+    }
+}
+
+#[test]
 fn every_truncation_gives_a_prefix_or_a_reason_and_counts_every_byte() {
     let texts = [
         "# c\nt,x,n\ns,m,\n1,0.5,\"a,b\"\n2,1.5,\"c\nd\"\n3,2.5,e\n",

@@ -814,6 +814,29 @@ fn several_mcaps_of_one_recording_are_one_flight() {
 }
 
 #[test]
+fn progress_adds_up_to_the_bag_and_its_write_ahead_log() {
+    let read = std::sync::atomic::AtomicU64::new(0);
+    let on_bytes = |bytes| {
+        read.fetch_add(bytes, std::sync::atomic::Ordering::Relaxed);
+    };
+    let cancel = std::sync::atomic::AtomicBool::new(false);
+    let context = ingest::ReadContext { limits: Limits::default(), cancel: &cancel, on_bytes: &on_bytes };
+    let progress = |bag: PathBuf| {
+        ingest::read_files(ingest::LogKind::Db3, &[bag], &|_: &TopicInfo| Selection::Skip, &context).unwrap();
+        read.swap(0, std::sync::atomic::Ordering::Relaxed)
+    };
+    // More than a MiB is reported in parts.
+    for images in [100, 200_000] {
+        let content = bag(&flight(5), images, "");
+        assert_eq!(progress(OnDisk::new(&content, false).path()), content.len() as u64);
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let bag = killed(folder.path(), &flight(60));
+    let size_of = |name: &str| fs::metadata(folder.path().join(name)).unwrap().len();
+    assert_eq!(progress(bag), size_of("bag.db3") + size_of("bag.db3-wal"));
+}
+
+#[test]
 fn a_reader_stops_on_request() {
     let disk = OnDisk::new(&bag(&flight(400), 20_000, ""), false);
     let cancel = std::sync::atomic::AtomicBool::new(false);

@@ -98,6 +98,24 @@ fn a_field_that_the_log_lacks_is_an_error_with_the_nearest_name() {
 }
 
 #[test]
+fn a_missing_time_field_is_named_unless_the_container_may_time_the_rows() {
+    let table = "t,my_lat,my_lon,v_north,v_east\n0,47,8,1,2\n1,47.00001,8,1,2\n2,47.00002,8,1,2\n";
+    let field = "{ field = \"tt\", unit = \"s\", clock = \"elapsed\" }";
+    let error = |times: &str| {
+        let map = MINE.replace("{ field = \"t\", unit = \"s\", clock = \"elapsed\" }", times);
+        with_map(&map, table).binding.unwrap_err()
+    };
+    let of_velocity = "velocity.gps: topic flight has no \"vnorth\" (the nearest name is \"v_north\")";
+    let of_time = "no \"tt\" (the nearest name is \"t\")";
+    let alone = error(field);
+    let expected =
+        format!("does not have: position.gps: topic flight has {of_time}; {of_velocity}, {of_time}; correct");
+    assert!(alone.contains(&expected), "{alone}");
+    let by_container = error(&format!("{field}, {{ container = \"logged\" }}"));
+    assert!(by_container.contains(&format!("does not have: {of_velocity}; correct")), "{by_container}");
+}
+
+#[test]
 fn timestamps_in_another_unit_than_the_map_states_are_rejected() {
     let table = "t [ms],my_lat,my_lon\n0,47,8\n1000,47.00001,8\n2000,47.00002,8\n";
     let map = MINE.replace("field = \"t\"", "field = \"t [ms]\"");

@@ -498,6 +498,31 @@ fn unknown_types_and_flags_are_counted_and_the_rest_is_read() {
 }
 
 #[test]
+fn flag_bits_may_be_longer_but_come_first() {
+    let plain = small(4);
+    let end = 16 + 3 + 40;
+    for more in [1, 8] {
+        let mut longer = [&plain[..end], &vec![0; more][..], &plain[end..]].concat();
+        longer[16] = 40 + more as u8;
+        let log = read(&longer);
+        assert!(!loses(&log) && log.health.damage.is_empty(), "{:?}", log.notices);
+        assert_eq!(log.tables, read(&plain).tables);
+        longer[16 + 3 + 8] = 2;
+        assert_eq!(notice(&read(&longer), "unknown-record"), Some((Severity::Loss, 1)));
+    }
+    let mut late = Made(plain);
+    late.put(b'B', &[0; 40]);
+    late.data(0, 5_000_000, &floats(&[5.0, 5.0]));
+    let log = read(&late.0);
+    assert!(
+        log.health.damage[0].reason.contains("flag bits that are not the first message"),
+        "{:?}",
+        log.health.damage
+    );
+    assert_eq!(numbers(&log, "pose", "x").last(), Some(&5.0));
+}
+
+#[test]
 fn a_message_with_a_wrong_length_is_dropped_and_its_neighbours_are_kept() {
     let mut made = Made(small(2));
     made.data(0, 5_000_000, &floats(&[5.0]));

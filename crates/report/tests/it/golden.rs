@@ -2,8 +2,9 @@
 
 use crate::campaign_fixture::varied;
 use crate::fixture::{failed_record, flight_record, parked_record};
+use crate::night_fixture::{diff, night, trend};
 use record::{FlightRecord, SensorCard};
-use report::{FlightPage, IndexedCard, Site, cards_site, changes_site, flight_site};
+use report::{FlightPage, IndexedCard, Site, cards_site, changes_site, diff_site, flight_site, night_site, trend_site};
 use simulate::{golden_difference, one_tag_per_line};
 use std::path::Path;
 
@@ -54,4 +55,11 @@ fn bench_pages_are_as_accepted() {
     let of = |card, records| IndexedCard { card, records, href: "a/index.html" };
     let cards = cards_site(&[of(Some(&card), records.len() as u64 + 1), of(None, 1)]);
     assert_golden("cards", &cards, "index.html");
+}
+
+#[test]
+fn pages_of_a_night_a_trend_and_a_comparison_are_as_accepted() {
+    assert_golden("night", &night_site(&night(), ""), "index.html");
+    assert_golden("trend", &trend_site(&trend(), "Trends", ""), "index.html");
+    assert_golden("diff", &diff_site(&diff()), "index.html");
 }

@@ -11,6 +11,7 @@ mod flight_delay;
 mod golden;
 mod hostile;
 mod html;
+mod night_fixture;
 mod no_contradiction;
 mod pages;
 mod score;

@@ -116,3 +116,48 @@ fn thinned(rows: Vec<usize>) -> Vec<usize> {
     let every = rows.len().div_ceil(ENOUGH_SAMPLES).max(1);
     rows.into_iter().step_by(every).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Known;
+
+    impl crate::Reference for Known {
+        fn span(&self) -> (f64, f64) {
+            (0.0, 100.0)
+        }
+
+        fn value_and_rate(&self, t: f64) -> (f64, f64) {
+            (t, 1.0)
+        }
+    }
+
+    fn rows(t: &[f64], earliest: f64, latest: f64) -> Vec<f64> {
+        let gain = crate::Gain::Free { sign: crate::Sign::Positive };
+        let measurement = Measurement { t, y: t, reference: &Known, gain, drift: false };
+        rows_of(&measurement, earliest, latest).into_iter().map(|row| t[row]).collect()
+    }
+
+    #[test]
+    fn rows_are_within_the_reference_at_every_delay() {
+        let t: Vec<f64> = (-10..=110).map(f64::from).collect();
+        let found = rows(&t, -2.0, 5.0);
+        assert_eq!((found[0], found[found.len() - 1], found.len()), (5.0, 98.0, 94));
+    }
+
+    #[test]
+    fn a_search_as_long_as_the_record_uses_rows_that_some_delay_keeps_inside() {
+        let t: Vec<f64> = (-10..=110).map(f64::from).collect();
+        // Within for every delay: 60 to 100; for at least one: 0 to 110.
+        let found = rows(&t, 0.0, 60.0);
+        assert_eq!((found[0], found[found.len() - 1], found.len()), (0.0, 110.0, 111));
+    }
+
+    #[test]
+    fn many_rows_are_thinned_evenly_from_the_first() {
+        assert_eq!(thinned((0..600).collect()).len(), 600);
+        let thin = thinned((0..1801).collect());
+        assert_eq!((thin[0], thin[1], thin.len()), (0, 4, 451));
+    }
+}

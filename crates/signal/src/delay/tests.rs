@@ -318,3 +318,28 @@ fn noise_free_values_and_a_still_component_do_not_break_the_fit() {
     let fit = fit_delay(&measurements, &DelaySettings::default()).unwrap();
     assert!((fit.delay_s - 0.25).abs() < 1e-9, "{}", fit.delay_s);
 }
+
+/// The unit of the measured values changes gain, offset and noise by its factor, and nothing else.
+#[test]
+fn a_delay_does_not_depend_on_the_unit() {
+    let (t, y) = deterministic();
+    let reference = swing();
+    let fit = |unit: f64, settings: &DelaySettings| {
+        let y: Vec<f64> = y.iter().map(|y| unit * y).collect();
+        let measurement = Measurement { t: &t, y: &y, reference: &reference, gain: POSITIVE, drift: true };
+        fit_delay(&[measurement], settings).unwrap()
+    };
+    for settings in [white(), DelaySettings::default()] {
+        let metre = fit(1.0, &settings);
+        for unit in [1e3, 1e-3] {
+            let other = fit(unit, &settings);
+            let near = |a: f64, b: f64, by: f64| assert!((a - b).abs() < by * b.abs(), "{a} instead of {b}");
+            near(other.delay_s, metre.delay_s, 1e-5);
+            near(other.standard_uncertainty_s, metre.standard_uncertainty_s, 1e-2);
+            let [other, metre] = [&other, &metre].map(|fit| &fit.components[0]);
+            near(other.gain.value, unit * metre.gain.value, 1e-5);
+            near(other.gain.standard_uncertainty, unit * metre.gain.standard_uncertainty, 1e-2);
+            near(other.noise.white_std, unit * metre.noise.white_std, 1e-2);
+        }
+    }
+}

@@ -673,9 +673,9 @@ mod tests {
         let odd = ["1,5", "", "007", "+4", "-0", "00", "-05", &long, &"8".repeat(128)];
         let plain = ["0", "-1", "12", "9007199254740993", "-9223372036854775808"];
         // Of the second, the first odd cell makes floats of the plain ones; of the others some are too long for that.
-        for (plain, odd) in
-            [(&plain[..0], &odd[..]), (&plain[..3], &odd), (&plain, &odd), (&plain, &odd[1..]), (&plain, &[])]
-        {
+        let each_first = (0..odd.len()).map(|i| (&plain[..3], &odd[i..]));
+        let all = [(&plain[..0], &odd[..]), (&plain, &odd), (&plain, &odd[1..]), (&plain, &[])];
+        for (plain, odd) in all.into_iter().chain(each_first) {
             let mut column = ColumnBuilder::new("t", 0, Cells::undecided());
             let cells: Vec<&str> = plain.iter().chain(odd).chain(&["x", "y", "3"]).copied().collect();
             cells.iter().zip(1..).for_each(|(cell, line)| column.push(cell.as_bytes(), Decimal::Comma, line));
