@@ -95,11 +95,12 @@ mutants +sample:
 check:
     bash .ci/run
 
-# Accept changed generated files (JSON schemas, the pages of notices and commands) after reading the diff
+# Accept changed generated files (JSON schemas, the pages of notices and commands, golden texts) after reading the diff
 bless:
     FLIGHTLAG_BLESS=1 cargo test -p whole the_published_schemas
     FLIGHTLAG_BLESS=1 cargo test -p whole the_page_of_commands
     FLIGHTLAG_BLESS=1 cargo test -p flightlag-flight --test catalogue the_page_of_notices
+    FLIGHTLAG_BLESS=1 cargo test -p flightlag-report -p flightlag-bench-analysis -p flightlag-compensation-replay -p flightlag-delay-over-time as_accepted
     git diff --stat
 
 # Print a page of a report as an A4 PDF with Chromium: just pdf PAGE.html|FOLDER [OUT.pdf]
