@@ -12,8 +12,8 @@ const LONGEST: usize = 12;
 /// Characters of a tag and its text that are kept.
 const TAG: usize = 400;
 
-/// The first difference between a text and the golden one in a file, or `None`. Numbers may differ by one unit of their
-/// last digit, because sine and cosine differ between systems. `FLIGHTLAG_BLESS=1` writes the file.
+/// The first difference between a text and the golden one in a file, or `None`. Numbers with decimals may differ by one
+/// unit of their last digit, because sine and cosine differ between systems. `FLIGHTLAG_BLESS=1` writes the file.
 #[must_use]
 pub fn golden_difference(path: &Path, text: &str) -> Option<String> {
     if std::env::var_os("FLIGHTLAG_BLESS").is_some() {
@@ -115,9 +115,10 @@ fn tokens(line: &str) -> Vec<&str> {
 
 fn are_close(old: &str, new: &str) -> bool {
     let decimals = |text: &str| text.split_once('.').map_or(0, |(_, digits)| digits.len());
-    let unit = 0.1_f64.powi(decimals(old).max(decimals(new)) as i32);
+    let most = decimals(old).max(decimals(new));
     match (old.parse::<f64>(), new.parse::<f64>()) {
-        (Ok(a), Ok(b)) => (a - b).abs() < 1.5 * unit,
+        // Whole numbers are counts and exponents.
+        (Ok(a), Ok(b)) => most > 0 && (a - b).abs() < 1.5 * 0.1_f64.powi(most as i32),
         _ => false,
     }
 }
@@ -133,6 +134,7 @@ mod tests {
         for other in ["M 12.36 5.6", "L 12.34 5.6", "M 12.34", "M 12.34 5.6 7", "M -12.34 5.6"] {
             assert!(!is_same("M 12.34 5.6", other), "{other}");
         }
+        assert!(!is_same("3 flights", "4 flights") && !is_same("1.000e0", "1.000e1"));
     }
 
     #[test]
@@ -153,9 +155,9 @@ mod tests {
 
     #[test]
     fn the_first_other_line_is_named() {
-        let golden = "a\nb 1\n";
-        assert_eq!(first_difference(golden, "a\nb 1\n"), None);
-        assert_eq!(first_difference(golden, "a\nb 2\nc"), Some("line 3\nwas: (end)\nnow: c".to_owned()));
-        assert_eq!(first_difference(golden, "a"), Some("line 2\nwas: b 1\nnow: (end)".to_owned()));
+        let golden = "a\nb 1.0\n";
+        assert_eq!(first_difference(golden, "a\nb 1.0\n"), None);
+        assert_eq!(first_difference(golden, "a\nb 1.1\nc"), Some("line 3\nwas: (end)\nnow: c".to_owned()));
+        assert_eq!(first_difference(golden, "a"), Some("line 2\nwas: b 1.0\nnow: (end)".to_owned()));
     }
 }

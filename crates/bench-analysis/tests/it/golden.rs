@@ -1,4 +1,4 @@
-//! All numbers of bench records and of their card. `FLIGHTLAG_BLESS=1` accepts a change: read the diff.
+//! All numbers of bench records. `FLIGHTLAG_BLESS=1` accepts a change: read the diff.
 
 use bench_analysis::{BenchInput, Rig, bench};
 use simulate::{BenchChannel, BenchSettings, RigText, golden_difference, one_value_per_line, simulate_bench};

@@ -186,7 +186,7 @@ fn go(order: &BenchOrder, threads: usize) -> Result<BenchVerdict, CampaignError>
 
 /// What the events of a run say.
 #[derive(Debug, PartialEq)]
-struct Told {
+struct Reported {
     /// For each record: the outcome, and whether there is a reason.
     outcomes: Vec<(&'static str, bool)>,
     sensor: String,
@@ -196,12 +196,12 @@ struct Told {
 }
 
 /// The same with its events.
-fn go_told(order: &BenchOrder) -> (BenchVerdict, Told) {
+fn go_with_events(order: &BenchOrder) -> (BenchVerdict, Reported) {
     let events = std::sync::Mutex::new(vec![]);
     let keep = |event: &Event| events.lock().unwrap().push(event.clone());
     let context = RunContext { threads: 1, cancel: &AtomicBool::new(false), events: &keep };
     let verdict = bench_run(order, &context).unwrap();
-    let (mut outcomes, mut told) = (vec![], vec![]);
+    let (mut outcomes, mut reported) = (vec![], vec![]);
     for event in events.into_inner().unwrap() {
         match event {
             Event::Measured { record, outcome, reason, lossy } => {
@@ -211,13 +211,13 @@ fn go_told(order: &BenchOrder) -> (BenchVerdict, Told) {
             Event::Carded { sensor, card, report, records, measured, channels, notices } => {
                 assert_eq!((&report, channels.as_slice()), (&verdict.page, verdict.channels()));
                 assert_eq!(notices, verdict.notices);
-                told.push(Told { outcomes: std::mem::take(&mut outcomes), sensor, card, records, measured });
+                reported.push(Reported { outcomes: std::mem::take(&mut outcomes), sensor, card, records, measured });
             }
             _ => {}
         }
     }
-    let [told] = told.try_into().unwrap();
-    (verdict, told)
+    let [reported] = reported.try_into().unwrap();
+    (verdict, reported)
 }
 
 /// Every file below a folder except `run.json` and internal files.
@@ -333,18 +333,18 @@ fn a_record_without_a_delay_is_a_row_and_no_card_is_made_without_any() {
     let folder = bench();
     let mut asked = order(folder.path(), &["logs/pair/imu.mcap"], "out");
     asked.card = Some(folder.path().join("copy.card.toml"));
-    let (verdict, told) = go_told(&asked);
+    let (verdict, reported) = go_with_events(&asked);
     let failed = vec![("failed", true)];
-    assert_eq!(told, Told { outcomes: failed, sensor: "M 1".to_owned(), card: None, records: 1, measured: 0 });
+    assert_eq!(reported, Reported { outcomes: failed, sensor: "M 1".to_owned(), card: None, records: 1, measured: 0 });
     assert!(matches!(&verdict.rows[0].outcome, BenchOutcome::Failed { reason } if reason.contains("--encoder")));
     assert_eq!((verdict.exit(), verdict.card_file), (Exit::Incomplete, None));
     assert!(verdict.page.exists() && !folder.path().join("copy.card.toml").exists());
 
     asked.encoder = Some(folder.path().join("logs/pair/enc.csv"));
-    let (verdict, told) = go_told(&asked);
+    let (verdict, reported) = go_with_events(&asked);
     let card = Some("m-1.card.toml".to_owned());
     let measured = vec![("measured", false)];
-    assert_eq!(told, Told { outcomes: measured, sensor: "M 1".to_owned(), card, records: 1, measured: 1 });
+    assert_eq!(reported, Reported { outcomes: measured, sensor: "M 1".to_owned(), card, records: 1, measured: 1 });
     assert_eq!(verdict.exit(), Exit::Well, "{:?}", verdict.rows);
     let copy = std::fs::read(folder.path().join("copy.card.toml")).unwrap();
     assert_eq!(copy, std::fs::read(verdict.card_file.unwrap()).unwrap());
