@@ -97,10 +97,12 @@ check:
 
 # Accept changed generated files (JSON schemas, the pages of notices and commands, golden texts) after reading the diff
 bless:
-    FLIGHTLAG_BLESS=1 cargo test -p whole the_published_schemas
-    FLIGHTLAG_BLESS=1 cargo test -p whole the_page_of_commands
+    rm -rf crates/*/tests/golden tests/golden
+    FLIGHTLAG_BLESS=1 cargo test -p whole -- the_published_schemas the_page_of_commands golden::
     FLIGHTLAG_BLESS=1 cargo test -p flightlag-flight --test catalogue the_page_of_notices
-    FLIGHTLAG_BLESS=1 cargo test -p flightlag-report -p flightlag-bench-analysis -p flightlag-compensation-replay -p flightlag-delay-over-time as_accepted
+    FLIGHTLAG_BLESS=1 cargo test -p flightlag-report as_accepted
+    FLIGHTLAG_BLESS=1 cargo test -p flightlag-bench-analysis -p flightlag-compensation-replay -p flightlag-delay-over-time
+    FLIGHTLAG_BLESS=1 cargo test -p flightlag-ingest --test it
     git diff --stat
 
 # Print a page of a report as an A4 PDF with Chromium: just pdf PAGE.html|FOLDER [OUT.pdf]

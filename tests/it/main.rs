@@ -12,6 +12,7 @@ mod cluster;
 mod command;
 mod convert;
 mod faults;
+mod golden;
 mod index_page;
 mod memory;
 mod nightly;

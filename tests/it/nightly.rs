@@ -8,12 +8,12 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
 /// A folder with logs, a nightly file and the outputs of the nights.
-struct Nights {
-    folder: tempfile::TempDir,
+pub struct Nights {
+    pub folder: tempfile::TempDir,
 }
 
 impl Nights {
-    fn new(flights: usize) -> Nights {
+    pub fn new(flights: usize) -> Nights {
         let nights = Nights { folder: tempfile::tempdir().unwrap() };
         write_campaign(&nights.path("logs"), flights, 60.0, 3).unwrap();
         nights.logs().iter().for_each(|log| written_an_hour_ago(log));
@@ -41,7 +41,7 @@ impl Nights {
     }
 
     /// Runs a night and returns its `night.json`.
-    fn night(&self, exit: i32) -> Value {
+    pub fn night(&self, exit: i32) -> Value {
         let config = self.path("nightly.toml");
         let printed = run(["nightly".as_ref(), config.as_os_str(), "--threads".as_ref(), "2".as_ref()], exit);
         let lines = text(&printed.stdout);

@@ -3,26 +3,75 @@
 //! A golden text only says that nothing changed. It covers layout, wording and the numbers of a whole record; what has a
 //! known answer is also tested against that.
 
-use serde_json::Value;
-use std::fmt::Write;
+use serde_json::{Map, Value};
+use std::cell::Cell;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write as _;
+use std::fs::File;
+use std::io::{self, Read, Seek, SeekFrom, Write as _};
 use std::path::Path;
 
-/// Arrays longer than this are shown by their statistics.
+/// More numbers than this are shown by their statistics.
 const LONGEST: usize = 12;
 /// Characters of a tag and its text that are kept.
 const TAG: usize = 400;
+/// Golden texts of one test.
+const TEXTS: usize = 4;
+/// What stands before the name of a golden text in the file of a module.
+const HEADING: &str = "\n== ";
 
-/// The first difference between a text and the golden one in a file, or `None`. Numbers with decimals may differ by one
-/// unit of their last digit, because sine and cosine differ between systems. `FLIGHTLAG_BLESS=1` writes the file.
-#[must_use]
-pub fn golden_difference(path: &Path, text: &str) -> Option<String> {
+/// Compares a text with the golden one of the running test: its first text with the first, its second with the second, up
+/// to the fourth. `folder` holds a file for each module of tests. Numbers with decimals may differ by one unit of their
+/// last digit, because sine and cosine differ between systems. `FLIGHTLAG_BLESS=1` writes the texts.
+///
+/// Functions that many tests use to read or to compute call it, so what these tests see is frozen. Texts of threads that a
+/// test starts are not compared, for their order is not known.
+///
+/// # Panics
+/// If the text differs, or the file cannot be read or written.
+#[track_caller]
+pub fn assert_golden(folder: &Path, text: &str) {
+    thread_local!(static COMPARED: Cell<usize> = const { Cell::new(0) });
+    let thread = std::thread::current();
+    // libtest runs each test in a thread that has its name.
+    let Some(name) = thread.name().filter(|name| *name != "main") else { return };
+    let (module, test) = name.rsplit_once("::").unwrap_or(("tests", name));
+    let number = COMPARED.replace(COMPARED.get() + 1) + 1;
+    if number > TEXTS {
+        return;
+    }
+    let path = folder.join(format!("{}.txt", module.replace("::", "-")));
+    let name = format!("{test} {number}");
+    let text = text.trim_end();
     if std::env::var_os("FLIGHTLAG_BLESS").is_some() {
-        return std::fs::write(path, text).err().map(|e| format!("{}: {e}", path.display()));
+        return write_section(&path, name, text).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
     }
-    match std::fs::read_to_string(path) {
-        Ok(golden) => first_difference(&golden, text).map(|difference| format!("{} {difference}", path.display())),
-        Err(e) => Some(format!("{}: {e}", path.display())),
-    }
+    let golden = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+    let sections = sections(&golden);
+    let golden = sections.get(&name).unwrap_or_else(|| panic!("{} has no {name}: run `just bless`", path.display()));
+    let difference = first_difference(golden, text);
+    assert!(difference.is_none(), "{}: {name}: {}", path.display(), difference.unwrap_or_default());
+}
+
+/// The golden texts of a module by their names.
+fn sections(file: &str) -> BTreeMap<String, &str> {
+    let parts = file.split(HEADING).filter_map(|part| part.split_once('\n'));
+    parts.map(|(name, text)| (name.to_owned(), text.trim_end())).collect()
+}
+
+/// Writes one golden text. Other processes may write theirs into the same file meanwhile.
+fn write_section(path: &Path, name: String, text: &str) -> io::Result<()> {
+    std::fs::create_dir_all(path.parent().unwrap_or(Path::new(".")))?;
+    let mut file = File::options().read(true).write(true).create(true).truncate(false).open(path)?;
+    file.lock()?;
+    let mut old = String::new();
+    file.read_to_string(&mut old)?;
+    let mut sections = sections(&old);
+    sections.insert(name, text);
+    let new: String = sections.iter().map(|(name, text)| format!("{HEADING}{name}\n{text}\n")).collect();
+    file.seek(SeekFrom::Start(0))?;
+    file.set_len(0)?;
+    file.write_all(new.as_bytes())
 }
 
 fn first_difference(golden: &str, text: &str) -> Option<String> {
@@ -58,35 +107,46 @@ pub fn one_tag_per_line(html: &str) -> String {
     html.split('<').skip(1).map(line).collect()
 }
 
-/// One value of a record per line, with its path. Numbers have four significant digits. A long array of numbers is shown
-/// by its length, first and last, mean, and rms about the mean.
+/// One field of a record per line, with its path; of an array of records the values of all items. Numbers have four
+/// significant digits. Many numbers are shown by their count, first and last, mean, and rms about the mean.
 #[must_use]
-pub fn one_value_per_line(record: &Value) -> String {
+pub fn one_field_per_line(record: &Value) -> String {
     let mut text = String::new();
-    add(&mut text, "", record);
+    add(&mut text, "", &[record]);
     text
 }
 
-fn add(text: &mut String, path: &str, value: &Value) {
-    match value {
-        Value::Object(fields) => fields.iter().for_each(|(name, value)| add(text, &format!("{path}.{name}"), value)),
-        Value::Array(items) => match long_series(items) {
-            Some(statistics) => _ = writeln!(text, "{path}: {statistics}"),
-            None => items.iter().enumerate().for_each(|(k, item)| add(text, &format!("{path}[{k}]"), item)),
-        },
-        Value::Number(number) => _ = writeln!(text, "{path}: {}", rounded(number.as_f64().unwrap_or(f64::NAN))),
-        other => _ = writeln!(text, "{path}: {other}"),
+/// Adds a field, of one record or of all items of an array.
+fn add(text: &mut String, path: &str, values: &[&Value]) {
+    let fields: BTreeSet<&String> = values.iter().filter_map(|value| value.as_object()).flat_map(Map::keys).collect();
+    for name in fields {
+        let of: Vec<&Value> = values.iter().filter_map(|value| value.get(name)).collect();
+        add(text, &format!("{path}.{name}"), &of);
+    }
+    let arrays: Vec<&Vec<Value>> = values.iter().filter_map(|value| value.as_array()).collect();
+    if !arrays.is_empty() {
+        add(text, &format!("{path}[]"), &arrays.into_iter().flatten().collect::<Vec<&Value>>());
+    }
+    let numbers: Vec<f64> = values.iter().filter_map(|value| value.as_f64()).collect();
+    if !numbers.is_empty() {
+        _ = writeln!(text, "{path}: {}", numbers_in_words(&numbers));
+    }
+    let others = values.iter().filter(|value| !(value.is_object() || value.is_array() || value.is_number()));
+    let others: Vec<String> = others.map(ToString::to_string).collect();
+    for same in others.chunk_by(|a, b| a == b) {
+        _ = writeln!(text, "{path}: {} × {}", same.len(), same[0]);
     }
 }
 
-fn long_series(items: &[Value]) -> Option<String> {
-    let numbers: Vec<f64> = items.iter().map(Value::as_f64).collect::<Option<_>>()?;
-    let (first, last) = (numbers.first()?, numbers.last()?);
+fn numbers_in_words(numbers: &[f64]) -> String {
+    if numbers.len() <= LONGEST {
+        return numbers.iter().map(|x| rounded(*x)).collect::<Vec<String>>().join(" ");
+    }
     let n = numbers.len() as f64;
     let mean = numbers.iter().sum::<f64>() / n;
     let rms = (numbers.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / n).sqrt();
-    let [first, last, mean, rms] = [*first, *last, mean, rms].map(rounded);
-    (numbers.len() > LONGEST).then(|| format!("{n} numbers, {first} to {last}, mean {mean}, rms {rms}"))
+    let [first, last, mean, rms] = [numbers[0], numbers[numbers.len() - 1], mean, rms].map(rounded);
+    format!("{n} numbers, {first} to {last}, mean {mean}, rms {rms}")
 }
 
 /// What is below 1e-9 is rounding noise.
@@ -126,6 +186,7 @@ fn are_close(old: &str, new: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use serde_json::json;
 
     #[test]
     fn only_the_last_digit_of_a_number_may_differ() {
@@ -138,13 +199,15 @@ mod tests {
     }
 
     #[test]
-    fn records_have_a_line_for_each_value_and_statistics_of_long_arrays() {
+    fn records_have_a_line_for_each_field_and_statistics_of_many_numbers() {
         let long: Vec<f64> = (0..21).map(f64::from).collect();
-        let record = serde_json::json!({"a": {"b": [1.23456, null]}, "c": long, "d": "x", "e": 1e-12});
+        let items = [json!({"d": 1, "e": "x"}), json!({"d": 2.5, "e": "x"}), json!({"d": null})];
+        let record = json!({"a": {"b": [1.23456, null]}, "c": long, "f": items, "g": 1e-12});
         // Mean of 0 to 20, and the square root of (21² − 1)/12.
-        let expected = ".a.b[0]: 1.235e0\n.a.b[1]: null\n\
-                        .c: 21 numbers, 0 to 2.000e1, mean 1.000e1, rms 6.055e0\n.d: \"x\"\n.e: 0\n";
-        assert_eq!(one_value_per_line(&record), expected);
+        let expected = ".a.b[]: 1.235e0\n.a.b[]: 1 × null\n\
+                        .c[]: 21 numbers, 0 to 2.000e1, mean 1.000e1, rms 6.055e0\n\
+                        .f[].d: 1.000e0 2.500e0\n.f[].d: 1 × null\n.f[].e: 2 × \"x\"\n.g: 0\n";
+        assert_eq!(one_field_per_line(&record), expected);
     }
 
     #[test]

@@ -45,7 +45,7 @@ pub use bench::{
 pub use damage::{cut_off, zero_block};
 pub use demo::{DemoFlight, DemoManifest, TRUTH_FILE, write_campaign, write_demo};
 pub use error::SimulateError;
-pub use golden::{golden_difference, one_tag_per_line, one_value_per_line};
+pub use golden::{assert_golden, one_field_per_line, one_tag_per_line};
 pub use presets::LikeCase;
 pub use samples::Samples;
 #[cfg(feature = "db3")]

@@ -1,7 +1,8 @@
 //! Reports when the clocks of encoder and sensor do not fit.
 
+use crate::golden::bench;
 use crate::support::{Sensor, Swing, encoder_channel, flight_of, rig, sensed};
-use bench_analysis::{BenchInput, bench};
+use bench_analysis::BenchInput;
 use flight::{Channel, Clock, Code, Flight, Notice, Quantity, Series, Stamp, Timeline};
 
 /// The channel with other timestamps: of this clock, each computed from the old one.

@@ -1,6 +1,7 @@
 //! Results of whole records for their channels.
 
-use bench_analysis::{BenchInput, Rig, bench};
+use crate::golden::bench;
+use bench_analysis::{BenchInput, Rig};
 use flight::{Flight, Quantity, Series, Timeline};
 use rayon::prelude::*;
 use record::{BenchFindings, ChannelDynamics, DelayFinding, Estimate};

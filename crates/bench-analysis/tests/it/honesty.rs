@@ -1,7 +1,8 @@
 //! Records that violate an assumption must not give a confident wrong number.
 
+use crate::golden::bench;
 use crate::support::{Noise, Sensor, Swing, encoder_channel, flight_of, rig, sensed};
-use bench_analysis::{Bench, BenchInput, bench};
+use bench_analysis::{Bench, BenchInput};
 use flight::{Channel, Flight, Quantity};
 use record::ChannelDynamics;
 

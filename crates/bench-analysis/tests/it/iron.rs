@@ -1,6 +1,7 @@
 //! Hard and soft iron from simulated records of one sensor, and from one record in which the bench was turned.
 
-use bench_analysis::{Bench, BenchInput, MagneticEvidence, Rig, bench, card_magnetometer};
+use crate::golden::bench;
+use bench_analysis::{Bench, BenchInput, MagneticEvidence, Rig, card_magnetometer};
 use flight::{Channel, Flight, NANOS_PER_SECOND, Series, Stamp, Timeline};
 use nalgebra::Matrix3;
 use record::{CardMagnetometer, Finding, IronCalibration};

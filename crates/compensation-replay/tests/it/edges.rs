@@ -1,7 +1,8 @@
 //! Starts, gaps, resets, rejections.
 
 use crate::flights::{along_a_parallel, channel, circle, late};
-use compensation_replay::{Refusal, ReplayedTrack, RowState, Settings, Track, TrackColumn, TrackRows, replay};
+use crate::golden::replay;
+use compensation_replay::{Refusal, ReplayedTrack, RowState, Settings, Track, TrackColumn, TrackRows};
 use flight::{Channel, Flight, Quantity, Severity};
 use rand::SeedableRng;
 use rand_distr::{Distribution, Normal};

@@ -1,7 +1,8 @@
 //! Delays measured on flights with known truth.
 
 use crate::flights::{channel, circle};
-use compensation_replay::{FlightDelaySettings, measure_delays};
+use crate::golden::measure_delays;
+use compensation_replay::FlightDelaySettings;
 use flight::{Channel, Clock, Flight, Notices, Quantity, Series, Stamp, StampKind, Timeline};
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};

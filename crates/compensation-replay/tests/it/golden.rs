@@ -1,11 +1,12 @@
-//! All numbers of a flight's records. `FLIGHTLAG_BLESS=1` accepts a change: read the diff.
+//! All numbers of the records that the tests compute, as they were accepted. `FLIGHTLAG_BLESS=1` accepts a change: read
+//! the diff.
 
 use crate::flights::late;
-use compensation_replay::{FlightDelaySettings, Settings, Sweeper, measure_delays, replay};
-use flight::Flight;
-use record::{DelaySource, Estimate};
+use compensation_replay::{FlightDelaySettings, Refusal, Replay, Settings, Sweeper};
+use flight::{Flight, Notices};
+use record::{DelaySource, Estimate, FlightDelays};
 use serde::Serialize;
-use simulate::{FlightSettings, LikeCase, SensorSettings, golden_difference, one_value_per_line, simulate};
+use simulate::{FlightSettings, LikeCase, SensorSettings, one_field_per_line, simulate};
 use std::path::Path;
 
 /// Three minutes with noisy sensors, position 0.4 s late.
@@ -20,28 +21,43 @@ fn flown() -> Flight {
     simulate(&settings).unwrap().to_flight().unwrap()
 }
 
-fn assert_golden(name: &str, record: &impl Serialize) {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden").join(format!("{name}.txt"));
-    let text = one_value_per_line(&serde_json::to_value(record).unwrap());
-    let difference = golden_difference(&path, &text);
-    assert!(difference.is_none(), "{}", difference.unwrap_or_default());
+fn assert_golden(record: &impl Serialize) {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden");
+    simulate::assert_golden(&folder, &one_field_per_line(&serde_json::to_value(record).unwrap()));
+}
+
+/// [`compensation_replay::measure_delays`], compared with the golden text of the running test.
+pub fn measure_delays(flight: &Flight, settings: &FlightDelaySettings) -> (FlightDelays, Notices) {
+    let (delays, notices) = compensation_replay::measure_delays(flight, settings);
+    assert_golden(&(&delays, &notices));
+    (delays, notices)
+}
+
+/// [`compensation_replay::replay`], compared with the golden text of the running test.
+pub fn replay(flight: &Flight, settings: &Settings) -> Result<Replay, Refusal> {
+    let replayed = compensation_replay::replay(flight, settings);
+    match &replayed {
+        Ok(replayed) => assert_golden(&(&replayed.record, &replayed.notices)),
+        Err(refusal) => assert_golden(&refusal.to_string()),
+    }
+    replayed
 }
 
 #[test]
 fn the_record_of_a_replay_is_as_accepted() {
-    assert_golden("replay", &replay(&flown(), &Settings::with_delay(late(0.38), "test")).unwrap().record);
+    replay(&flown(), &Settings::with_delay(late(0.38), "test")).unwrap();
 }
 
 #[test]
 fn the_measured_delays_of_a_flight_are_as_accepted() {
-    assert_golden("delays", &measure_delays(&flown(), &FlightDelaySettings::default()).0);
+    measure_delays(&flown(), &FlightDelaySettings::default());
 }
 
 #[test]
 fn the_measured_delays_without_a_reference_are_as_accepted() {
     let mut flight = flown();
     flight.channels.remove("position.truth");
-    assert_golden("delays-alone", &measure_delays(&flight, &FlightDelaySettings::default()).0);
+    measure_delays(&flight, &FlightDelaySettings::default());
 }
 
 /// One minute of a case with more compensators, its sweep and its measured delays.
@@ -50,14 +66,12 @@ fn assert_case(case: LikeCase) {
     let compensators = names.iter().map(|name| name.parse().unwrap()).collect();
     let flight = simulate(&FlightSettings { duration_s: 60.0, ..case.settings(24) }).unwrap().to_flight().unwrap();
     let settings = Settings { compensators, ..Settings::with_delay(late(0.4), "test") };
-    let name = format!("{case:?}").to_lowercase();
-    assert_golden(&format!("replay-{name}"), &replay(&flight, &settings).unwrap().record);
+    replay(&flight, &settings).unwrap();
     let (mut delays, _) = measure_delays(&flight, &FlightDelaySettings { inject_s: vec![], ..Default::default() });
     let sweeper = Sweeper::of(&flight, &settings).unwrap();
     let optimum = sweeper.best(&delays.pairs.remove(0).delay);
     let fixed = Estimate { value: 0.38, standard_uncertainty: Some(0.004) };
-    assert_golden(&format!("sweep-{name}"), &sweeper.sweep(&[(DelaySource::Fixed, fixed)], optimum));
-    assert_golden(&format!("delays-{name}"), &delays);
+    assert_golden(&sweeper.sweep(&[(DelaySource::Fixed, fixed)], optimum));
 }
 
 #[test]

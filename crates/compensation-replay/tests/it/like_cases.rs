@@ -1,7 +1,8 @@
 //! Table 5.7 of the design note: 2-D rms error of each compensator, by rates and noise.
 
 use crate::flights::late;
-use compensation_replay::{Settings, replay};
+use crate::golden::replay;
+use compensation_replay::Settings;
 use simulate::{LikeCase, simulate};
 
 /// Root mean square over four seeds of the error of a compensator, m.

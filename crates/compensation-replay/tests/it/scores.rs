@@ -1,7 +1,8 @@
 //! Scores with and without a reference, error budget and on-board comparison, against closed forms.
 
 use crate::flights::{channel, circle, late};
-use compensation_replay::{Settings, replay};
+use crate::golden::replay;
+use compensation_replay::Settings;
 use flight::{Flight, Quantity};
 use record::{CompensatorScore, Estimate, ReplayRecord, ReplayScores};
 use simulate::{FlightSettings, LikeCase, PathKind, SensorSettings, simulate};

@@ -1,7 +1,8 @@
 //! The delay sweep on flights with known truth.
 
 use crate::flights::{circle, late};
-use compensation_replay::{FlightDelaySettings, Settings, Sweeper, measure_delays, replay};
+use crate::golden::{measure_delays, replay};
+use compensation_replay::{FlightDelaySettings, Settings, Sweeper};
 use flight::Flight;
 use record::{DelaySource, DelaySweep, Estimate, Finding, MeasuredDelay, SweepMethod, SweepOptimum, SweepScore};
 use simulate::{FlightSettings, PathKind, SensorSettings, Wander, simulate};

@@ -2,7 +2,7 @@
 
 #![allow(dead_code, clippy::indexing_slicing, clippy::unwrap_used)]
 
-use delay_over_time::{OverTimeSettings, PositionAgainstVelocity, analyse};
+use delay_over_time::{CannotAnalyse, OverTimeSettings, PositionAgainstVelocity};
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Exp1, StandardNormal, StudentT};
 use rand_pcg::Pcg64;
@@ -93,6 +93,18 @@ pub struct Flight {
     pub velocity_east: Vec<f64>,
     /// True lateness of each fix, s.
     pub late: Vec<f64>,
+}
+
+/// [`delay_over_time::analyse`], compared with the golden text of the running test.
+pub fn analyse(
+    record: &PositionAgainstVelocity<'_>,
+    settings: &OverTimeSettings,
+) -> Result<record::DelayOverTime, CannotAnalyse> {
+    let found = delay_over_time::analyse(record, settings);
+    let golden = found.as_ref().map_err(ToString::to_string);
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden");
+    simulate::assert_golden(&folder, &simulate::one_field_per_line(&serde_json::to_value(golden).unwrap()));
+    found
 }
 
 impl Flight {

@@ -206,7 +206,7 @@ fn bound_by(entry: &str, rows: &str) -> Flight {
     library.add(ChannelMap::from_toml(Path::new("mine.toml"), &text).unwrap());
     let (_folder, path) = file("mine.csv", format!("t,a,b,c,d\n{rows}").as_bytes());
     let unit = FlightUnit { id: "mine".into(), files: vec![path], kind: LogKind::Csv };
-    in_context(|context| ingest::load(&unit, &library, Some("mine"), context)).unwrap().flight
+    load_mapped(&unit, &library, Some("mine")).unwrap().flight
 }
 
 fn row_of(flight: &Flight, row: usize) -> Vec<f64> {

@@ -205,7 +205,7 @@ fn same(name: &str, unit: &str, vertical: &str) -> ChannelMap {
 
 fn load_with(library: &MapLibrary, text: &str, forced: Option<&str>) -> Result<Loaded, IngestError> {
     let (_folder, path) = file("f.csv", text.as_bytes());
-    in_context(|context| ingest::load(&tables(&[path]), library, forced, context))
+    load_mapped(&tables(&[path]), library, forced)
 }
 
 #[test]

@@ -9,7 +9,7 @@ fn load_as(kind: LogKind, bytes: &[u8]) -> Loaded {
     let (_folder, path) = file("log", bytes);
     let unit = FlightUnit { id: "log".into(), files: vec![path], kind };
     let library = MapLibrary::shipped().unwrap();
-    let loaded = in_context(|context| ingest::load(&unit, &library, None, context)).unwrap();
+    let loaded = load_mapped(&unit, &library, None).unwrap();
     assert_ledger(&loaded);
     assert_eq!(loaded.health.bytes.damaged, 0, "{:?}", loaded.health.damage);
     loaded

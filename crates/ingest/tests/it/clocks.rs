@@ -187,7 +187,7 @@ impl Format {
         library.add(ChannelMap::from_toml(Path::new("t.toml"), &map).unwrap());
         let (_folder, path) = file("log", &(self.write)(stamps));
         let unit = FlightUnit { id: "log".into(), files: vec![path], kind: self.kind };
-        let loaded = in_context(|context| ingest::load(&unit, &library, Some("t"), context)).unwrap();
+        let loaded = load_mapped(&unit, &library, Some("t")).unwrap();
         assert_ledger(&loaded);
         loaded
     }

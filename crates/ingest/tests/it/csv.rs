@@ -7,7 +7,7 @@ use ingest::{ColumnData, FieldRequest, IngestError, Limits, Log, Selection, Topi
 fn read_limited(text: &[u8], selection: &Selection, limits: Limits) -> Result<Log, IngestError> {
     let (_folder, path) = file("t.csv", text);
     let want = |_: &TopicInfo| selection.clone();
-    let log = with_limits(limits, |context| ingest::read_files(ingest::LogKind::Csv, &[path], &want, context))?;
+    let log = read_files(limits, ingest::LogKind::Csv, &[path], &want)?;
     assert_sum(&log.health, text.len());
     Ok(log)
 }
@@ -478,7 +478,7 @@ fn several_files_are_topics_of_one_log_and_a_stray_one_is_harmless() {
     let files =
         vec![write("f-b.csv", "t,x\n1,2\n"), write("f-a.csv", "t,x\n1,2\n3,4\n"), write("f-note.csv", "hello\n")];
     let want = |_: &TopicInfo| Selection::All;
-    let log = in_context(|context| ingest::read_files(ingest::LogKind::Csv, &files, &want, context)).unwrap();
+    let log = read_files(Limits::default(), ingest::LogKind::Csv, &files, &want).unwrap();
     let topics: Vec<(&str, u64)> = log.health.topics.iter().map(|t| (t.name.as_str(), t.messages)).collect();
     assert_eq!(topics, [("f-a", 2), ("f-b", 1)]);
     assert_eq!((log.health.bytes.size, log.health.bytes.skipped), (26, 6));

@@ -658,7 +658,7 @@ fn a_unit_that_differs_from_the_map_is_reported() {
     library.add(ChannelMap::from_toml(Path::new("ardupilot.toml"), &wrong).unwrap());
     let (_folder, path) = file("f.bin", &bytes);
     let unit = ingest::FlightUnit { id: "f".into(), files: vec![path], kind: LogKind::DataFlash };
-    let loaded = in_context(|context| ingest::load(&unit, &library, None, context)).unwrap();
+    let loaded = load_mapped(&unit, &library, None).unwrap();
     let notice = loaded.flight.notices.iter().find(|n| n.code == "unit-differs").unwrap();
     assert!(notice.text.contains("VN is m/s") && notice.text.contains("cm/s"), "{}", notice.text);
 }

@@ -62,7 +62,7 @@ fn bag(sent: &[Sent], image: usize, pragmas: &str) -> Vec<u8> {
 
 fn read_files(files: &[PathBuf]) -> Result<Log, IngestError> {
     let want = |topic: &TopicInfo| if topic.name == FIX { Selection::All } else { Selection::Skip };
-    let log = in_context(|context| ingest::read_files(ingest::LogKind::Db3, files, &want, context))?;
+    let log = crate::support::read_files(Limits::default(), ingest::LogKind::Db3, files, &want)?;
     assert_balanced(&log);
     Ok(log)
 }

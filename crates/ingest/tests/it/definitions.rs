@@ -1,8 +1,8 @@
 //! ROS 1 bags whose definitions lack types that they refer to, as rosjava writes them.
 
 use crate::made::{OnDisk, notice};
-use crate::support::in_context;
-use ingest::{Log, MapLibrary};
+use crate::support::read_files;
+use ingest::{Limits, Log, MapLibrary};
 use simulate::{BagCompression, BagSettings, Container, FlightSettings};
 
 const SEPARATOR: &str = "\n================================================================================\n";
@@ -67,7 +67,7 @@ fn flight_with(change: &dyn Fn(&str, String) -> String) -> Log {
 }
 
 fn read(bag: &[u8], library: &MapLibrary) -> Log {
-    in_context(|c| ingest::read_files(ingest::LogKind::Bag, &[OnDisk::new(bag, true).path()], &library.select_all(), c))
+    read_files(Limits::default(), ingest::LogKind::Bag, &[OnDisk::new(bag, true).path()], &library.select_all())
         .unwrap()
 }
 

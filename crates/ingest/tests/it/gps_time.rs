@@ -102,7 +102,7 @@ fn unix_ns(truth: (i64, i64), row: usize) -> i64 {
 fn load_as(kind: LogKind, bytes: &[u8], library: &MapLibrary, map: Option<&str>) -> Loaded {
     let (_folder, path) = file("log", bytes);
     let unit = FlightUnit { id: "log".into(), files: vec![path], kind };
-    let loaded = in_context(|context| ingest::load(&unit, library, map, context)).unwrap();
+    let loaded = load_mapped(&unit, library, map).unwrap();
     assert_ledger(&loaded);
     loaded
 }

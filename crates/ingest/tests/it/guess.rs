@@ -178,12 +178,12 @@ fn the_suggested_map_reads_the_same_channels_and_says_why() {
     let (_folder, path) = file("own.csv", text.as_bytes());
     let unit = tables(&[path]);
     let guessed = load(&unit).unwrap();
-    let map = in_context(|context| ingest::suggest(&unit, context)).unwrap();
+    let map = suggest(&unit);
     assert!(map.contains("north = { field = \"vn\", unit = \"m/s\" }") && map.contains("# "), "{map}");
     assert!(map.contains("name = \"position.truth\""), "{map}");
     let mut library = MapLibrary::shipped().unwrap();
     library.add(ChannelMap::from_toml(Path::new("own.toml"), &map.replace("\"guess\"", "\"own\"")).unwrap());
-    let mapped = in_context(|context| ingest::load(&unit, &library, None, context)).unwrap();
+    let mapped = load_mapped(&unit, &library, None).unwrap();
     assert_eq!(mapped.binding.as_ref().unwrap().map, "own");
     assert_eq!(count_of(&mapped, "bound-by-guess"), 0);
     assert_eq!(format!("{:?}", mapped.flight.channels), format!("{:?}", guessed.flight.channels));
@@ -531,10 +531,10 @@ fn a_steadily_rising_column_is_the_time_under_an_unknown_name() {
 fn suggested(text: &str) -> (String, Loaded) {
     let (_folder, path) = file("bare.csv", text.trim_start().as_bytes());
     let unit = tables(&[path]);
-    let map = in_context(|context| ingest::suggest(&unit, context)).unwrap();
+    let map = suggest(&unit);
     let mut library = MapLibrary::shipped().unwrap();
     library.add(ChannelMap::from_toml(Path::new("own.toml"), &map.replace("\"guess\"", "\"own\"")).unwrap());
-    let loaded = in_context(|context| ingest::load(&unit, &library, None, context)).unwrap();
+    let loaded = load_mapped(&unit, &library, None).unwrap();
     (map, loaded)
 }
 
@@ -610,7 +610,7 @@ fn a_table_without_a_header_gets_a_suggested_map_from_motion_alone() {
     let refused = load_text(text.trim_start()).binding.unwrap_err();
     let what_to_do = "no channel map fits, and its columns cannot be bound by guess: the table has no header; `flightlag maps --suggest LOG`";
     assert!(refused.starts_with(what_to_do), "{refused}");
-    let map = in_context(|context| ingest::suggest(&unit, context)).unwrap();
+    let map = suggest(&unit);
     for line in [
         "topic = [\"bare\"]",
         "latitude = { field = \"column_3\", unit = \"deg\" }",
@@ -622,7 +622,7 @@ fn a_table_without_a_header_gets_a_suggested_map_from_motion_alone() {
     }
     let mut library = MapLibrary::shipped().unwrap();
     library.add(ChannelMap::from_toml(Path::new("own.toml"), &map).unwrap());
-    let loaded = in_context(|context| ingest::load(&unit, &library, None, context)).unwrap();
+    let loaded = load_mapped(&unit, &library, None).unwrap();
     assert_eq!(loaded.flight.channels.len(), 2);
     assert_eq!(loaded.flight.channels["velocity.gps"].series.components()[0][0], 18.0);
 }
@@ -735,7 +735,7 @@ fn a_suggested_map_has_attitude_rates_and_forces_with_reasons() {
     });
     let (_folder, path) = file("own.csv", text.as_bytes());
     let unit = tables(&[path]);
-    let map = in_context(|context| ingest::suggest(&unit, context)).unwrap();
+    let map = suggest(&unit);
     for line in [
         "name = \"attitude.ins\"",
         "frame = \"frd-ned\"",
@@ -752,7 +752,7 @@ fn a_suggested_map_has_attitude_rates_and_forces_with_reasons() {
     }
     let mut library = MapLibrary::shipped().unwrap();
     library.add(ChannelMap::from_toml(Path::new("own.toml"), &map.replace("\"guess\"", "\"own\"")).unwrap());
-    let mapped = in_context(|context| ingest::load(&unit, &library, None, context)).unwrap();
+    let mapped = load_mapped(&unit, &library, None).unwrap();
     assert_eq!((mapped.binding.as_ref().unwrap().map.as_str(), mapped.flight.channels.len()), ("own", 5));
     assert_eq!(count_of(&mapped, "bound-by-guess"), 0);
 }

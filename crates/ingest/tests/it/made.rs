@@ -1,8 +1,8 @@
 //! A small flight with all values known, in every encoding and container.
 
-use crate::support::in_context;
+use crate::support::read_files;
 use flight::Severity;
-use ingest::{ColumnData, IngestError, Log, LogKind, ReadContext, Select, Selection, Table, TopicInfo};
+use ingest::{ColumnData, IngestError, Limits, Log, LogKind, ReadContext, Select, Selection, Table, TopicInfo};
 use mcap::Compression;
 use mcap::records::MessageHeader;
 use std::collections::BTreeMap;
@@ -301,27 +301,29 @@ pub fn bag(sent: &[Sent], codec: BagCodec, per_chunk: usize, in_chunks: bool, cl
 
 /// A file that can be changed in place and read again.
 pub struct OnDisk {
-    file: tempfile::NamedTempFile,
+    file: std::fs::File,
+    folder: tempfile::TempDir,
     pub is_bag: bool,
 }
 
 impl OnDisk {
     pub fn new(content: &[u8], is_bag: bool) -> OnDisk {
-        let mut file = tempfile::NamedTempFile::new().unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let mut file = std::fs::File::create_new(folder.path().join("log")).unwrap();
         file.write_all(content).unwrap();
-        OnDisk { file, is_bag }
+        OnDisk { file, folder, is_bag }
     }
 
     pub fn path(&self) -> PathBuf {
-        self.file.path().to_owned()
+        self.folder.path().join("log")
     }
 
     pub fn write_at(&self, offset: u64, bytes: &[u8]) {
-        std::os::unix::fs::FileExt::write_all_at(self.file.as_file(), bytes, offset).unwrap();
+        std::os::unix::fs::FileExt::write_all_at(&self.file, bytes, offset).unwrap();
     }
 
     pub fn set_len(&self, length: u64) {
-        self.file.as_file().set_len(length).unwrap();
+        self.file.set_len(length).unwrap();
     }
 
     /// Reads the fixes; the camera is not wanted. Every byte must be accounted for.
@@ -330,7 +332,8 @@ impl OnDisk {
     }
 
     pub fn read_where(&self, want: impl Fn(&TopicInfo) -> Selection) -> Result<Log, IngestError> {
-        let log = in_context(|context| read_at(self.path(), self.is_bag, &want, context))?;
+        let kind = if self.is_bag { LogKind::Bag } else { LogKind::Mcap };
+        let log = read_files(Limits::default(), kind, &[self.path()], &want)?;
         assert_balanced(&log);
         Ok(log)
     }

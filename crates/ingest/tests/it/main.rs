@@ -13,6 +13,7 @@ mod db3;
 mod definitions;
 mod discover;
 mod drivers;
+mod golden;
 mod gps_time;
 mod guess;
 mod identity;

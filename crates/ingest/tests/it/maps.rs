@@ -161,7 +161,7 @@ fn mavros_odometry_rotated_by_its_orientation_is_the_local_velocity() {
     library.add(ChannelMap::from_toml(Path::new("odometry.toml"), &named).unwrap());
     let prefix = "carbonZ_2018-07-18-15-53-31_1_engine_failure-mavros-local_position";
     let unit = tables(&[folder.join(format!("{prefix}-odom.csv")), folder.join(format!("{prefix}-velocity.csv"))]);
-    let of = |map| in_context(|context| ingest::load(&unit, &library, Some(map), context)).unwrap().flight;
+    let of = |map| load_mapped(&unit, &library, Some(map)).unwrap().flight;
     let (turned, local) = (of("navsatfix-twist"), of("mavros"));
     let (turned, local) = (&turned.channels["velocity.odometry"].series, &local.channels["velocity.ekf"].series);
     let at = |i: usize| local.timeline().stamps().iter().position(|s| *s == turned.timeline().stamps()[i]);
@@ -340,7 +340,7 @@ fn bound(text: &str) -> Loaded {
     let (_folder, path) = file("log.csv", text.as_bytes());
     let unit = FlightUnit { id: "log".into(), files: vec![path], kind: LogKind::Csv };
     let library = MapLibrary::shipped().unwrap();
-    let loaded = in_context(|context| ingest::load(&unit, &library, None, context)).unwrap();
+    let loaded = load_mapped(&unit, &library, None).unwrap();
     assert_ledger(&loaded);
     loaded
 }

@@ -72,7 +72,7 @@ fn with_map(map: &str, table: &str) -> Loaded {
     let mut library = MapLibrary::shipped().unwrap();
     library.add(ChannelMap::from_toml(Path::new("mine.toml"), map).unwrap());
     let (_folder, path) = file("flight.csv", table.as_bytes());
-    in_context(|context| ingest::load(&tables(&[path]), &library, None, context)).unwrap()
+    load_mapped(&tables(&[path]), &library, None).unwrap()
 }
 
 #[test]

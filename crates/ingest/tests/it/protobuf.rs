@@ -1,8 +1,8 @@
 //! Protocol Buffers in MCAP: agreement with `prost-reflect`, which decodes them into trees of values.
 
 use crate::made::{OnDisk, assert_balanced, notice};
-use crate::support::{in_context, real_logs};
-use ingest::{FieldRequest, Log, Selection, Table, TopicInfo, ValueKind};
+use crate::support::{in_context, read_files, real_logs};
+use ingest::{FieldRequest, Limits, Log, Selection, Table, TopicInfo, ValueKind};
 use prost_reflect::prost::Message as _;
 use prost_reflect::prost_types::field_descriptor_proto::{Label, Type};
 use prost_reflect::prost_types::{
@@ -113,7 +113,7 @@ fn mcap_of(type_name: &str, schema: &[u8], messages: &[Vec<u8>]) -> Vec<u8> {
 
 fn read(content: &[u8], want: impl Fn(&TopicInfo) -> Selection) -> Log {
     let disk = OnDisk::new(content, false);
-    let log = in_context(|context| ingest::read_files(ingest::LogKind::Mcap, &[disk.path()], &want, context)).unwrap();
+    let log = read_files(Limits::default(), ingest::LogKind::Mcap, &[disk.path()], &want).unwrap();
     assert_balanced(&log);
     log
 }

@@ -9,7 +9,7 @@ use std::path::Path;
 
 pub fn read(kind: LogKind, path: &Path) -> Result<Log, IngestError> {
     let want = |_: &TopicInfo| Selection::All;
-    in_context(|context| ingest::read_files(kind, &[path.to_owned()], &want, context))
+    read_files(Limits::default(), kind, &[path.to_owned()], &want)
 }
 
 /// Reads them; the ledger must add up.
@@ -24,7 +24,7 @@ pub fn read_bytes(kind: LogKind, bytes: &[u8]) -> Result<Log, IngestError> {
 pub fn read_within(limits: Limits, kind: LogKind, bytes: &[u8]) -> Log {
     let (_folder, path) = file("log", bytes);
     let want = |_: &TopicInfo| Selection::All;
-    let log = with_limits(limits, |context| ingest::read_files(kind, &[path], &want, context)).unwrap();
+    let log = read_files(limits, kind, &[path], &want).unwrap();
     assert_balanced(&log, bytes.len());
     log
 }

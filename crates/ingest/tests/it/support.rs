@@ -1,7 +1,7 @@
 //! Shared by the tests: real logs if present, generated files, and functions to load them.
 
 use flight::{Channel, Geodetic, LocalFrame, Quantity, Severity};
-use ingest::{FlightUnit, IngestError, Limits, Loaded, LogKind, MapLibrary, ReadContext};
+use ingest::{FlightUnit, IngestError, Limits, Loaded, Log, LogKind, MapLibrary, ReadContext, Select};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
@@ -27,6 +27,20 @@ pub fn in_context<T>(body: impl FnOnce(&ReadContext<'_>) -> T) -> T {
     with_limits(Limits::default(), body)
 }
 
+/// The map that is suggested for a table. It is as it was accepted.
+pub fn suggest(unit: &FlightUnit) -> String {
+    let map = in_context(|context| ingest::suggest(unit, context)).unwrap();
+    crate::golden::assert_golden(&unit.files, &map);
+    map
+}
+
+/// Reads with these limits. What was read is as it was accepted.
+pub fn read_files(limits: Limits, kind: LogKind, files: &[PathBuf], want: &dyn Select) -> Result<Log, IngestError> {
+    let log = with_limits(limits, |context| ingest::read_files(kind, files, want, context));
+    crate::golden::assert_log_as_accepted(files, &log);
+    log
+}
+
 /// Writes `text` to a file in a new folder, which is deleted on drop.
 pub fn file(name: &str, text: &[u8]) -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
@@ -42,8 +56,14 @@ pub fn tables(files: &[PathBuf]) -> FlightUnit {
 
 /// Loads with the shipped maps.
 pub fn load(unit: &FlightUnit) -> Result<Loaded, IngestError> {
-    let library = MapLibrary::shipped().unwrap();
-    in_context(|context| ingest::load(unit, &library, None, context))
+    load_mapped(unit, &MapLibrary::shipped().unwrap(), None)
+}
+
+/// Loads with these maps, or with the map of this name. What was loaded is as it was accepted.
+pub fn load_mapped(unit: &FlightUnit, library: &MapLibrary, map: Option<&str>) -> Result<Loaded, IngestError> {
+    let loaded = in_context(|context| ingest::load(unit, library, map, context));
+    crate::golden::assert_as_accepted(&unit.files, &loaded);
+    loaded
 }
 
 /// Loads one real file; the ledger must add up.

@@ -24,7 +24,7 @@ fn library(time: &str, more: &str) -> MapLibrary {
 
 fn read(library: &MapLibrary, text: &str) -> Result<Loaded, IngestError> {
     let (_folder, path) = file("t.csv", text.as_bytes());
-    let loaded = in_context(|context| ingest::load(&tables(&[path]), library, Some("t"), context))?;
+    let loaded = load_mapped(&tables(&[path]), library, Some("t"))?;
     assert_ledger(&loaded);
     Ok(loaded)
 }
@@ -307,7 +307,7 @@ fn two_tables(apart: f64, logged: bool) -> Loaded {
         table("the_position.csv", "t,lat,lon", &|i| format!("{:.3},47.{i:04},8.5", gps(i))),
         table("the_velocity.csv", "t,n,e", &|i| format!("{:.3},1.{i},2", utc(i) + apart + 0.03)),
     ];
-    let loaded = in_context(|context| ingest::load(&tables(&files), &library, Some("t"), context)).unwrap();
+    let loaded = load_mapped(&tables(&files), &library, Some("t")).unwrap();
     assert_ledger(&loaded);
     loaded
 }
@@ -384,7 +384,7 @@ fn a_position_and_velocity_without_common_time_are_reported() {
             folder.path().join(name)
         };
         let files = [table("the_position.csv", 0), table("the_velocity.csv", begin)];
-        let loaded = in_context(|context| ingest::load(&tables(&files), &library, Some("t"), context)).unwrap();
+        let loaded = load_mapped(&tables(&files), &library, Some("t")).unwrap();
         assert_eq!(count_saying(&loaded, "clock-suspect", "no time in common"), 20 * reported, "{begin}");
     }
 }
@@ -454,7 +454,7 @@ fn wrapped(times: [&str; 2], range: i64, begins: [i64; 2], wrong: [Option<(i64, 
         table("the_velocity.csv", range + begins[1], wrong[1]),
         table("no_channel.csv", 0, None),
     ];
-    let loaded = in_context(|context| ingest::load(&tables(&files), &library, Some("t"), context)).unwrap();
+    let loaded = load_mapped(&tables(&files), &library, Some("t")).unwrap();
     let first = |name: &str| loaded.flight.channels[name].series.timeline().stamps()[0].0 / S - range;
     let found = ["position.gps", "velocity.gps"].map(first);
     let (rows, reported) = first_rows(&files, &library);

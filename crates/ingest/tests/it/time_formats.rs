@@ -29,7 +29,7 @@ fn load_by(time: &str, header: &str, rows: impl Iterator<Item = String>) -> Load
     let line = |(i, row): (usize, String)| format!("{row};47{0}{i:04};8{0}5\n", point(&row));
     let table: String = rows.enumerate().map(line).collect();
     let (_folder, path) = file("t.csv", format!("{header};lat;lon\n{table}").as_bytes());
-    let loaded = in_context(|context| ingest::load(&tables(&[path]), &library, Some("t"), context)).unwrap();
+    let loaded = load_mapped(&tables(&[path]), &library, Some("t")).unwrap();
     assert_ledger(&loaded);
     loaded
 }
@@ -263,7 +263,7 @@ fn seconds_of_the_day_in_a_column_of_times_are_not_taken_for_hours_and_minutes()
     library.add(ChannelMap::from_toml(Path::new("t.toml"), text).unwrap());
     let table: String = rows.enumerate().map(|(i, row)| format!("{row};47.{i:04};8.5\n")).collect();
     let (_folder, path) = file("t.csv", format!("d;t;lat;lon\n{table}").as_bytes());
-    let loaded = in_context(|context| ingest::load(&tables(&[path]), &library, Some("t"), context)).unwrap();
+    let loaded = load_mapped(&tables(&[path]), &library, Some("t")).unwrap();
     let why = loaded.binding.unwrap_err();
     assert!(why.contains("no timestamps (d, t); this cannot be read: d: 2024-05-10, t: 62864.3"), "{why}");
 }

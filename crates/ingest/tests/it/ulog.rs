@@ -64,7 +64,7 @@ fn read_with(bytes: &[u8], limits: Limits) -> Result<Log, IngestError> {
 
 fn read_path(path: &Path, limits: Limits) -> Result<Log, IngestError> {
     let want = |_: &TopicInfo| Selection::All;
-    let log = with_limits(limits, |context| ingest::read_files(LogKind::Ulog, &[path.to_owned()], &want, context))?;
+    let log = read_files(limits, LogKind::Ulog, &[path.to_owned()], &want)?;
     let b = &log.health.bytes;
     assert_eq!(b.sum(), b.size, "{b:?}");
     Ok(log)
@@ -177,7 +177,7 @@ fn flight_modes_come_from_vehicle_status_in_time_order() {
     // Whether or not the topic is wanted.
     let want = |_: &TopicInfo| Selection::Skip;
     let (_folder, path) = file("log.ulg", &made.0);
-    let log = in_context(|context| ingest::read_files(LogKind::Ulog, &[path], &want, context)).unwrap();
+    let log = read_files(Limits::default(), LogKind::Ulog, &[path], &want).unwrap();
     let modes: Vec<(i64, &str)> = log.health.about.modes.iter().map(|m| (m.at_ns, m.mode.as_str())).collect();
     assert_eq!(
         modes,
@@ -587,7 +587,7 @@ fn only_wanted_fields_are_decoded_and_the_bytes_of_other_topics_are_skipped() {
         if topic.name == "pose_1" { Selection::Fields(vec![field]) } else { Selection::Skip }
     };
     let (_folder, path) = file("log.ulg", &small(10));
-    let log = in_context(|context| ingest::read_files(LogKind::Ulog, &[path], &want, context)).unwrap();
+    let log = read_files(Limits::default(), LogKind::Ulog, &[path], &want).unwrap();
     assert_eq!(log.tables.len(), 1);
     assert_eq!(log.tables[0].columns.iter().map(|c| c.path.as_str()).collect::<Vec<_>>(), ["y"]);
     let poses = 10 * (3 + 2 + 8 + 8);

@@ -321,6 +321,18 @@ pub(super) fn level_name(level: u8) -> &'static str {
 mod tests {
     use super::*;
 
+    /// `NAVIGATION_STATE_*` of PX4's `VehicleStatus.msg`, and `KERN_*` of Linux' `kern_levels.h`.
+    #[test]
+    fn modes_and_levels_have_the_names_of_px4_and_linux() {
+        let modes = "Manual, Altitude, Position, Mission, Hold, Return, nav_state 6, nav_state 7, nav_state 8, nav_state 9, \
+                     Acro, nav_state 11, Descend, Termination, Offboard, Stabilized, nav_state 16, Takeoff, Land, \
+                     Follow target, Precision land, Orbit, VTOL takeoff, External 1, External 2, External 3, External 4, \
+                     External 5, External 6, External 7, External 8, nav_state 31";
+        assert_eq!((0..32).map(mode_name).collect::<Vec<String>>().join(", "), modes);
+        let levels = "EMERGENCY ALERT CRITICAL ERROR WARNING NOTICE INFO DEBUG";
+        assert_eq!((b'0'..=b'7').map(level_name).collect::<Vec<&str>>().join(" "), levels);
+    }
+
     fn number(name: &str, value: f32) -> (String, Vec<u8>) {
         (name.to_owned(), value.to_le_bytes().into())
     }
