@@ -50,6 +50,13 @@ fn assert_record(folder: &TempDir, record: &Value) {
     assert_as_accepted(folder, &kept.map(|line| format!("{line}\n")).collect::<String>());
 }
 
+/// The record of the first flight of a report.
+fn assert_flight(folder: &TempDir, out: &str) {
+    let out = folder.path().join(out);
+    let page = out.join(&read_report(&out).unwrap().unwrap().flights[0].page);
+    assert_record(folder, &serde_json::from_slice(&record_of_page(&page).unwrap().unwrap()).unwrap());
+}
+
 #[test]
 fn what_inspect_and_recover_print_is_as_accepted() {
     let folder = flights();
@@ -80,20 +87,19 @@ fn the_records_of_a_campaign_are_as_accepted() {
     let folder = flights();
     let words = "campaign ./flights --out ./out --threads 1 --pipeline ./known.toml --criteria ./criteria.toml";
     assert_printed(&folder, words, 4);
-    let out = folder.path().join("out");
-    let record = read_report(&out).unwrap().unwrap();
+    let record = read_report(&folder.path().join("out")).unwrap().unwrap();
     assert_record(&folder, &serde_json::to_value(&record).unwrap());
-    let page = out.join(&record.flights[0].page);
-    assert_record(&folder, &serde_json::from_slice(&record_of_page(&page).unwrap().unwrap()).unwrap());
+    assert_flight(&folder, "out");
 }
 
 #[test]
-fn what_a_comparison_and_a_second_run_print_is_as_accepted() {
+fn a_comparison_a_trial_and_a_second_run_are_as_accepted() {
     let folder = flights();
     let run = |more: &str| command(&folder, &format!("campaign ./flights --threads 1 {more}"), 0);
     run("--out ./first --pipeline ./known.toml");
     run("--out ./second");
     assert_printed(&folder, "diff ./first ./second", 0);
+    assert_flight(&folder, "second");
     fs::remove_file(folder.path().join("flights/flight-0003.mcap")).unwrap();
     assert_as_accepted(&folder, &run("--out ./first --pipeline ./known.toml"));
     let changes = fs::read(folder.path().join("first/since-last-run.json")).unwrap();

@@ -29,16 +29,7 @@ const LEAST: usize = 16;
 const MOST_BYTES: u64 = 1 << 30;
 
 /// The parts of a record that hold points.
-const PLACES: [&str; 8] = [
-    "/replay/axes",
-    "/replay/zoom",
-    "/replay/track",
-    "/replay/lead",
-    "/trial/axes",
-    "/trial/zoom",
-    "/trial/track",
-    "/trial/lead",
-];
+const PLACES: [&str; 6] = ["/replay/axes", "/replay/zoom", "/replay/lead", "/trial/axes", "/trial/zoom", "/trial/lead"];
 
 /// Moves the points out of a record; `None` if it has none.
 pub(crate) fn take(record: &mut Value) -> Option<Vec<u8>> {
@@ -196,7 +187,7 @@ mod tests {
             "key": "k", "delays": { "t_s": values },
             "replay": {
                 "axes": [{ "axis": "north", "position_m": [{ "name": "raw", "t_s": values, "breaks": rows }] }],
-                "track": [{ "name": "raw", "east_m": values, "breaks": [1, 2] }], "zoom": null,
+                "lead": { "track": { "east_m": values, "breaks": [1, 2] } }, "zoom": null,
             },
         })
     }
@@ -208,10 +199,10 @@ mod tests {
         let mut lean = whole.clone();
         let points = take(&mut lean).unwrap();
         assert_eq!(lean["replay"]["axes"][0]["position_m"][0]["t_s"], json!([]));
-        assert_eq!((&lean["delays"], &lean["replay"]["track"][0]["breaks"]), (&whole["delays"], &json!([1, 2])));
+        assert_eq!((&lean["delays"], &lean["replay"]["lead"]["track"]["breaks"]), (&whole["delays"], &json!([1, 2])));
         let mut back = lean.clone();
         put_back(&mut back, &points).unwrap();
-        for (list, most) in [("/replay/track/0/east_m", 5.1e-4), ("/replay/axes/0/position_m/0/t_s", 5.1e-5)] {
+        for (list, most) in [("/replay/lead/track/east_m", 5.1e-4), ("/replay/axes/0/position_m/0/t_s", 5.1e-5)] {
             for (is, was) in back.pointer(list).unwrap().as_array().unwrap().iter().zip(&values) {
                 assert!((is.as_f64().unwrap() - was).abs() <= most, "{list}: {is} {was}");
             }

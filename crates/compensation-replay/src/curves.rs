@@ -6,18 +6,14 @@ use crate::estimate::Positions;
 use crate::input::Input;
 use crate::rows::{Rows, median_step};
 use crate::settings::Settings;
-use record::{AxisCurves, Curve, LeadCurves, PathCurve, Zoom};
+use record::{AxisCurves, Curve, LeadCurves, Zoom};
 
 /// Time bins per curve: with four rows kept per bin, this is finer than a page's pixel columns.
 const BINS: usize = 450;
 
-/// A ground track is drawn to this fraction of its extent, about half a pixel of a page.
-const PATH_RESOLUTION: f64 = 1500.0;
-
 pub(crate) struct Curves {
     pub(crate) axes: Vec<AxisCurves>,
     pub(crate) zoom: Option<Zoom>,
-    pub(crate) track: Vec<PathCurve>,
     pub(crate) lead: Option<LeadCurves>,
 }
 
@@ -40,7 +36,6 @@ pub(crate) fn draw(input: &Input, settings: &Settings, rows: &Rows, estimates: &
             why,
             axes: drawing.axes((start_s, end_s)),
         }),
-        track: drawing.estimates.iter().map(|e| path(rows, e)).collect(),
         lead: lead::lead(input, rows, &drawing.estimates),
     }
 }
@@ -105,28 +100,6 @@ fn strokes(t: &[f64], shown: impl Fn(usize) -> bool, gap: f64, window: (f64, f64
             Some(stroke) if stroke.end == row && t[row] - t[row - 1] <= gap => stroke.end = row + 1,
             _ => out.push(row..row + 1),
         }
-    }
-    out
-}
-
-fn path(rows: &Rows, estimate: &Positions) -> PathCurve {
-    let [north, east] = &estimate.axes;
-    let extent = |y: &[f64]| {
-        y.iter().copied().fold(f64::NEG_INFINITY, f64::max) - y.iter().copied().fold(f64::INFINITY, f64::min)
-    };
-    let tolerance = extent(north).max(extent(east)) / PATH_RESOLUTION;
-    let mut out =
-        PathCurve { name: estimate.title.clone(), east_m: vec![], north_m: vec![], breaks: vec![], stands_for: 0 };
-    let window = (rows.t[0], rows.t[rows.t.len() - 1]);
-    for stroke in strokes(&rows.t, |r| estimate.shown(rows, r), rows.gap_s, window) {
-        let [north, east] = [&north[stroke.clone()], &east[stroke.clone()]];
-        let kept = signal::thin_path(east, north, tolerance);
-        if !out.east_m.is_empty() {
-            out.breaks.push(out.east_m.len() as u32);
-        }
-        out.east_m.extend(kept.iter().map(|&r| east[r]));
-        out.north_m.extend(kept.iter().map(|&r| north[r]));
-        out.stands_for += stroke.len() as u64;
     }
     out
 }

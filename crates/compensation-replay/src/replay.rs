@@ -103,7 +103,7 @@ fn judged(
         Extent::Whole => (Some(score::scores(&played, innovations)), score::onboard(flight, &played, notices)),
         Extent::Sketch => (None, None),
     };
-    let Curves { axes, zoom, track, lead } = draw(input, settings, rows, estimates);
+    let Curves { axes, zoom, lead } = draw(input, settings, rows, estimates);
     ReplayRecord {
         settings: as_used(settings, *bridge_s),
         pair: input.names.clone(),
@@ -118,7 +118,6 @@ fn judged(
         onboard,
         axes,
         zoom,
-        track,
         lead,
         choice: None,
         sweep: None,

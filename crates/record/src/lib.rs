@@ -80,8 +80,8 @@ pub use crate::night::{
 };
 pub use crate::reference_file::{ClockOffset, ReferenceClock, ReferenceFile};
 pub use crate::replay::{
-    AxisCurves, CompensatorResult, Coverage, Curve, Estimate, Lead, LeadCurves, LeadTrack, PairUse, PathCurve,
-    ReplayRecord, ReplaySettings, StartRule, Zoom,
+    AxisCurves, CompensatorResult, Coverage, Curve, Estimate, Lead, LeadCurves, LeadTrack, PairUse, ReplayRecord,
+    ReplaySettings, StartRule, Zoom,
 };
 pub use crate::score::{
     BudgetTerm, CompensatorScore, ErrorBudget, HelpfulBand, Hysteresis, MotionSpectrum, OnboardAgainst,

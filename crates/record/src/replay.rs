@@ -134,23 +134,6 @@ pub struct Curve {
     pub stands_for: u64,
 }
 
-/// A curve in the horizontal plane, thinned so that the omitted points are within a thousandth of its extent. In
-/// `record.json` its lists are empty: the figure's file contains the points.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(JsonSchema))]
-pub struct PathCurve {
-    /// Name in the legend.
-    pub name: String,
-    /// Metres east of the origin.
-    pub east_m: Vec<f64>,
-    /// Metres north of the origin.
-    pub north_m: Vec<f64>,
-    /// Rows before which the line is interrupted.
-    pub breaks: Vec<u32>,
-    /// Number of samples that these rows represent.
-    pub stands_for: u64,
-}
-
 /// How far other positions are ahead of raw along the track, at the first row of every fix, less the distance flown
 /// since the fix, so that its age is not included.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -253,8 +236,6 @@ pub struct ReplayRecord {
     pub axes: Vec<AxisCurves>,
     /// The hardest manoeuvre.
     pub zoom: Option<Zoom>,
-    /// Ground track, raw first, then the compensators.
-    pub track: Vec<PathCurve>,
     /// How far the compensated position is ahead of raw; `None` in records of earlier versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lead: Option<LeadCurves>,

@@ -199,7 +199,7 @@ fn replay() -> Value {
             "tolerance_m": 1e-3, "tolerance_source": "", "start_s": 1.0, "reproduced_by": { "cannot-tell": "" },
             "against": [{ "name": "pade-1-1", "rms_m": 0.006, "p95_m": 0.01, "max_m": 0.02, "start_max_m": null,
                 "delay_s": { "cannot-tell": "" } }] })),
-        "axes": [], "zoom": null, "track": [],
+        "axes": [], "zoom": null,
         "choice": { "asked": "fixed", "used": "fixed", "why": "", "circular": false,
             "candidates": [candidate("fixed", 0.39), candidate("card", 0.38)] },
         "sweep": { "score": { "error-against": "position.truth" }, "samples": 9, "delay_s": [], "rms_m": [],

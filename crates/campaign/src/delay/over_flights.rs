@@ -241,6 +241,17 @@ mod tests {
         assert!(campaign_delay_of(&rows).unwrap().curve.found().is_none(), "no delay is in both");
     }
 
+    /// No cubic has a bend: a spline with fewer knots would not pass through these points.
+    #[test]
+    fn the_mean_square_of_a_sweep_passes_through_each_delay_that_is_not_close_to_another() {
+        let mut sharp = sweep(0.4, 20.0, (60, 100));
+        sharp.rms_m = sharp.delay_s.iter().map(|d| 0.3 + 20.0 * (d - 0.4).abs()).collect();
+        let curve = mean_squares(&sharp).unwrap();
+        for (d, rms) in sharp.delay_s.iter().zip(&sharp.rms_m) {
+            assert!((curve.value(*d) - rms * rms).abs() < 1e-9, "{d}");
+        }
+    }
+
     #[test]
     fn without_any_delay_there_is_no_summary() {
         let mut only = row("a", 0.4, 0.001);

@@ -315,3 +315,14 @@ fn make_stub(local: &Path, bytes: u64) -> io::Result<()> {
 fn folders_of(name: &str) -> Vec<String> {
     name.match_indices('/').filter_map(|(at, _)| name.get(..at)).map(str::to_owned).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn folders_of_a_name_are_listed_from_the_outermost() {
+        assert_eq!(folders_of("2026/05/a.mcap"), ["2026", "2026/05"]);
+        assert_eq!(folders_of("a.mcap"), [""; 0]);
+    }
+}

@@ -1,6 +1,6 @@
 //! Lead of the compensated position, and of the reference, over raw along the track.
 
-use super::{BINS, PATH_RESOLUTION};
+use super::BINS;
 use crate::estimate::{EXACT_ASYNC, Positions};
 use crate::horizontal::AXES;
 use crate::input::Input;
@@ -14,6 +14,8 @@ const LEAST_SPEED_MPS: f64 = 2.0;
 /// nor below this fraction of the 95th percentile of the speed.
 const LEAST_SHARE: f64 = 0.25;
 
+/// A ground track is drawn to this fraction of its extent, about half a pixel of a page.
+const PATH_RESOLUTION: f64 = 1500.0;
 /// The colour of a track changes by steps of this share of the largest lead.
 const COLOUR_STEP: f64 = 0.05;
 /// Maximum number of points of a track; if there are more, it is drawn coarser by these factors in turn.

@@ -182,6 +182,11 @@ fn the_arm_starts_at_the_point_of_the_velocity() {
     assert_eq!(forward(1, VelocityPoint::Origin), Some(0.5));
     assert_eq!(forward(1, VelocityPoint::Imu), Some(0.3));
     assert_eq!(forward(2, VelocityPoint::Origin), Some(-0.4));
+    let right = |right_m| {
+        let set = about(&[("gps", 0.5, 0.1), ("imu", 0.2, right_m)]);
+        antenna_arm(&set, 1, VelocityPoint::Imu).map(|arm| (arm.right_m * 1e9).round() / 1e9)
+    };
+    assert_eq!((right(0.3), right(-0.3)), (Some(-0.2), Some(0.4)));
     // Parameters at their default of zero are not a configuration.
     let unset = about(&[("gps", 0.0, 0.0), ("imu", 0.2, 0.0)]);
     assert_eq!(antenna_arm(&unset, 1, VelocityPoint::Imu), None);

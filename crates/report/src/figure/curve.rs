@@ -3,7 +3,7 @@
 use super::{Line, Pen, Shape, pieces};
 use crate::number;
 use crate::text::label;
-use record::{Curve, PathCurve};
+use record::Curve;
 
 /// Maximum number of curves in one panel. More cannot be distinguished.
 const MOST_CURVES: usize = 8;
@@ -39,49 +39,18 @@ impl Tally {
     }
 }
 
-/// The common part of [`Curve`] and [`PathCurve`].
-pub(super) trait Drawable {
-    fn name(&self) -> &str;
-    fn points(&self) -> (&[f64], &[f64], &[u32]);
-    fn stands_for(&self) -> u64;
-}
-
-impl Drawable for Curve {
-    fn name(&self) -> &str {
-        &self.name
-    }
-    fn points(&self) -> (&[f64], &[f64], &[u32]) {
-        (&self.t_s, &self.y, &self.breaks)
-    }
-    fn stands_for(&self) -> u64 {
-        self.stands_for
-    }
-}
-
-impl Drawable for PathCurve {
-    fn name(&self) -> &str {
-        &self.name
-    }
-    fn points(&self) -> (&[f64], &[f64], &[u32]) {
-        (&self.east_m, &self.north_m, &self.breaks)
-    }
-    fn stands_for(&self) -> u64 {
-        self.stands_for
-    }
-}
-
 /// Lines for the curves of a panel, with the pens in the same order.
-pub(super) fn lines(curves: &[impl Drawable], pens: &[Pen], tally: &mut Tally) -> Vec<Line> {
+pub(super) fn lines(curves: &[Curve], pens: &[Pen], tally: &mut Tally) -> Vec<Line> {
     tally.left_out += curves.len().saturating_sub(MOST_CURVES) as u64;
     let mut lines = Vec::new();
     for (curve, &pen) in curves.iter().zip(pens).take(MOST_CURVES) {
-        let (x, y, breaks) = curve.points();
-        let (mut pieces, lost) = pieces(x, y, breaks);
-        tally.add(x.len().max(y.len()), curve.stands_for(), lost);
+        let (x, y) = (&curve.t_s, &curve.y);
+        let (mut pieces, lost) = pieces(x, y, &curve.breaks);
+        tally.add(x.len().max(y.len()), curve.stands_for, lost);
         if pen.shape() == Shape::Points {
             pieces = pieces.into_iter().flatten().map(|point| vec![point]).collect();
         }
-        lines.push(Line { name: label(curve.name()), pen, pieces });
+        lines.push(Line { name: label(&curve.name), pen, pieces });
     }
     lines
 }

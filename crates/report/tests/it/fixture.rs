@@ -15,8 +15,8 @@ use record::{
     DelaySplit, DelayStep, Effect, EffectVerdict, ErrorBudget, Estimate, Finding, FlightDelays, FlightInjection,
     FlightRecord, FlightRow, HelpfulBand, Hysteresis, IgnoredInput, InputFile, JudgedBy, Lead, LeadCurves, LeadTrack,
     MeasuredDelay, MotionSpectrum, OnboardAgainst, OnboardComparison, OppositePasses, Outcome, PairDelay, PairUse,
-    PathCurve, PipelineUse, RECORD_VERSION, ReferenceScore, ReplayRecord, ReplayScores, ReplaySettings, ResidualDelay,
-    StartRule, StraightLegs, StraightScore, WindowDelay, Zoom,
+    PipelineUse, RECORD_VERSION, ReferenceScore, ReplayRecord, ReplayScores, ReplaySettings, ResidualDelay, StartRule,
+    StraightLegs, StraightScore, WindowDelay, Zoom,
 };
 
 #[path = "sweep_fixture.rs"]
@@ -73,17 +73,6 @@ fn axes(window: (f64, f64), step: f64) -> Vec<AxisCurves> {
     vec![axis("north"), axis("east")]
 }
 
-fn path(kind: &str) -> PathCurve {
-    let points: Vec<(f64, f64)> = (0..2900).map(|i| position(kind, f64::from(i) * 0.25)).collect();
-    PathCurve {
-        name: kind.into(),
-        north_m: points.iter().map(|p| p.0).collect(),
-        east_m: points.iter().map(|p| p.1).collect(),
-        breaks: vec![1600],
-        stands_for: 72_500,
-    }
-}
-
 /// Distance from raw to exact along the track at `t`, m, and the ground speed, m/s.
 fn ahead(t: f64) -> (f64, f64) {
     let (now, next) = (position(EXACT, t - 5e-4), position(EXACT, t + 5e-4));
@@ -94,7 +83,7 @@ fn ahead(t: f64) -> (f64, f64) {
 }
 
 fn lead() -> LeadCurves {
-    let path = path(EXACT);
+    let points: Vec<(f64, f64)> = (0..2900).map(|i| position(EXACT, f64::from(i) * 0.25)).collect();
     LeadCurves {
         of: vec![Lead {
             median_m: 7.01,
@@ -105,10 +94,10 @@ fn lead() -> LeadCurves {
         least_speed_mps: 4.4,
         track: LeadTrack {
             lead_m: (0..2900).map(|i| ahead(f64::from(i) * 0.25).0).collect(),
-            east_m: path.east_m,
-            north_m: path.north_m,
-            breaks: path.breaks,
-            stands_for: path.stands_for,
+            east_m: points.iter().map(|p| p.1).collect(),
+            north_m: points.iter().map(|p| p.0).collect(),
+            breaks: vec![1600],
+            stands_for: 72_500,
         },
     }
 }
@@ -176,7 +165,6 @@ pub fn replay() -> ReplayRecord {
             why: "the 30 s with the largest mean horizontal acceleration, 10.2 m/s²".into(),
             axes: axes((232.0, 262.0), 0.02),
         }),
-        track: vec![path(RAW), path(PADE), path(EXACT)],
         lead: Some(lead()),
         choice: Some(sweep::choice()),
         sweep: Some(sweep::swept()),

@@ -85,10 +85,8 @@ fn light_record() -> FlightRecord {
             curve.y.truncate(50);
         }
     }
-    for curve in &mut replay.track {
-        curve.east_m.truncate(50);
-        curve.north_m.truncate(50);
-    }
+    let track = &mut replay.lead.as_mut().unwrap().track;
+    [&mut track.east_m, &mut track.north_m, &mut track.lead_m].into_iter().for_each(|list| list.truncate(50));
     record
 }
 

@@ -428,6 +428,17 @@ fn quotient(number: u64, tens: usize) -> Option<f64> {
 mod tests {
     use super::*;
 
+    #[test]
+    fn eight_digits_are_read_and_any_other_byte_is_refused() {
+        for (place, byte) in (0..8).flat_map(|place| (0..=u8::MAX).map(move |byte| (place, byte))) {
+            let mut text = *b"12345678";
+            text[place] = byte;
+            let number = byte.is_ascii_digit().then(|| std::str::from_utf8(&text).unwrap().parse::<u64>().unwrap());
+            assert_eq!(eight_digits(u64::from_le_bytes(text)), number, "{byte:#x} at {place}");
+        }
+        assert_eq!(eight_digits(u64::from_le_bytes(*b"99999999")), Some(99_999_999));
+    }
+
     fn split(record: &str, delimiter: u8) -> Vec<String> {
         let mut fields = Fields::default();
         fields.split(record.as_bytes(), delimiter);
