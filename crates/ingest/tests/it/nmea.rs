@@ -44,6 +44,21 @@ fn a_simulated_flight_survives_within_the_resolution_of_its_sentences() {
     }
 }
 
+/// Ashtech receivers also send positions as `PASHR,POS`.
+#[test]
+fn only_pashr_with_a_true_heading_is_an_attitude() {
+    let attitude = sealed("PASHR,120000.00,123.45,T,1.50,-2.50,0.10,0.2,0.2,0.3,2,1");
+    let position =
+        sealed("PASHR,POS,0,07,120000.00,5200.000000,N,00400.000000,E,0030.00,,123.4,010.2,+00.1,1.9,1.0,1.6,1.2,1");
+    let gga = sealed("GGA,120000.00,5200.0000,N,00400.0000,E,1,08,1.0,30.0,M,45.0,M,,").replacen('$', "$GP", 1);
+    let rows = |sentence: &str| {
+        let body = gga.trim_start_matches('$').split('*').next().unwrap().to_owned();
+        let log = text(&[&sealed(&body), sentence, &sealed(&body)]);
+        log.tables.iter().filter(|table| table.topic.name.contains("PASHR")).map(|table| table.rows).sum::<usize>()
+    };
+    assert_eq!((rows(&attitude), rows(&position)), (1, 0));
+}
+
 #[test]
 fn sentences_without_their_dollar_are_read_if_the_checksum_matches() {
     let lines: Vec<String> = (0..5)

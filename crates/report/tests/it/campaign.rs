@@ -249,6 +249,10 @@ fn a_very_large_campaign_is_split_into_pages_of_a_thousand_flights() {
     for (page, flights) in [(1, 1000), (2, 1000), (3, 500)] {
         let html = text(&site, &format!("table/{page}.html"));
         assert!(index.contains(&format!("href=\"table/{page}.html\"")));
+        let effects = index.split(&format!("table/{page}.html\">")).nth(1).and_then(|rest| rest.split("</li>").next());
+        let effects = effects.unwrap().split(": ").nth(1).unwrap().split(", ");
+        let counted: usize = effects.map(|part| part.split(' ').next().unwrap().parse::<usize>().unwrap()).sum();
+        assert_eq!(counted, flights, "the results of page {page}");
         let links: Vec<String> =
             read(&html).iter().filter(|t| t.name == "a").filter_map(|t| t.get("href").map(str::to_owned)).collect();
         let of_flights: Vec<String> = links.into_iter().filter(|href| href.starts_with("../flights/")).collect();
