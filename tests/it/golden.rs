@@ -10,7 +10,7 @@ use std::fs;
 use std::path::Path;
 use tempfile::TempDir;
 
-/// Three flights of 40 s, a pipeline, and criteria that one of them fails.
+/// Three flights of 40 s, a pipeline, and two criteria; all flights fail the second.
 fn flights() -> TempDir {
     let folder = tempfile::tempdir().unwrap();
     simulate::write_campaign(&folder.path().join("flights"), 3, 40.0, 24).unwrap();
@@ -23,13 +23,13 @@ fn flights() -> TempDir {
     folder
 }
 
-/// Compares a text without the name of the folder and without what depends on the hour.
+/// Compares a text without the name of the folder with the golden text of the running test.
 fn assert_as_accepted(folder: &TempDir, text: &str) {
     let text = text.replace(&format!("{}/", folder.path().display()), "");
     simulate::assert_golden(&Path::new(env!("CARGO_MANIFEST_DIR")).join("golden"), &text);
 }
 
-/// Runs a command in words; a name with `/` is a path below the folder.
+/// Runs a command, given as words. A word that begins with `./` is a path below the folder.
 fn command(folder: &TempDir, words: &str, exit: i32) -> String {
     let path = |word: &str| match word.strip_prefix("./") {
         Some(name) => folder.path().join(name).display().to_string(),
@@ -43,7 +43,7 @@ fn assert_printed(folder: &TempDir, words: &str, exit: i32) {
     assert_as_accepted(folder, &command(folder, words, exit));
 }
 
-/// Keys hold the build.
+/// Compares a record without keys, hashes and versions.
 fn assert_record(folder: &TempDir, record: &Value) {
     let fields = one_field_per_line(record);
     let kept = fields.lines().filter(|line| ![".key:", "blake3", "version"].iter().any(|word| line.contains(word)));
@@ -119,8 +119,8 @@ fn what_bench_prints_and_its_card_are_as_accepted() {
     let rig = RigText { model: "Simulated".into(), serial: "1".into(), to_be_fitted: true };
     fs::write(folder.path().join("swing.rig.toml"), simulated.rig_text(&rig)).unwrap();
     assert_printed(&folder, "bench ./swing.csv --threads 1 --out ./out", 0);
-    let card = fs::read_dir(folder.path().join("out")).unwrap().map(|entry| entry.unwrap().path());
-    let card = card.into_iter().find(|path| path.to_string_lossy().ends_with(".card.toml")).unwrap();
+    let mut files = fs::read_dir(folder.path().join("out")).unwrap().map(|entry| entry.unwrap().path());
+    let card = files.find(|path| path.to_string_lossy().ends_with(".card.toml")).unwrap();
     let card = fs::read_to_string(card).unwrap();
     let lines = card.lines().filter(|line| !line.contains("blake3") && !line.contains("version"));
     assert_as_accepted(&folder, &lines.map(|line| format!("{line}\n")).collect::<String>());

@@ -54,7 +54,7 @@ fn summary_of_log(log: &Log) -> String {
             let seconds: Vec<f64> = times.iter().map(|ns| (ns - times[0]) as f64 * 1e-9).collect();
             _ = write!(text, " from {:?}{}", times.first(), statistics(&seconds));
         }
-        let columns: String = table.columns.iter().map(column).collect();
+        let columns: String = table.columns.iter().map(|c| column(c, table.rows)).collect();
         _ = writeln!(text, "{}", short(&columns));
     }
     add(&mut text, "health", &log.health);
@@ -62,8 +62,9 @@ fn summary_of_log(log: &Log) -> String {
     text
 }
 
-fn column(column: &Column) -> String {
-    let rows = column.valid.as_ref().map_or(0, |valid| valid.iter().filter(|valid| **valid).count());
+/// Name, rows with a value, and mean and rms of the numbers.
+fn column(column: &Column, rows: usize) -> String {
+    let rows = column.valid.as_ref().map_or(rows, |valid| valid.iter().filter(|valid| **valid).count());
     let numbers: Vec<f64> = match &column.data {
         ColumnData::F64(values) => values.clone(),
         ColumnData::I64(values) => values.iter().map(|value| *value as f64).collect(),
@@ -84,7 +85,8 @@ fn add_notices(text: &mut String, notices: &Notices) {
 
 /// A long text is shown by its hash.
 fn short(text: &str) -> String {
-    if text.len() > LONGEST { blake3::hash(text.as_bytes()).to_hex()[..16].to_owned() } else { text.to_owned() }
+    let hash = || format!(" hash {}", &blake3::hash(text.as_bytes()).to_hex()[..16]);
+    if text.len() > LONGEST { hash() } else { text.to_owned() }
 }
 
 /// Rows, times, and mean and rms of each component.
