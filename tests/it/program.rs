@@ -17,7 +17,9 @@ fn program() -> &'static Path {
         let profile = test.parent().and_then(Path::parent).unwrap();
         let release = profile.file_name() == Some(OsStr::new("release"));
         let mut build = Command::new(std::env::var_os("CARGO").unwrap_or("cargo".into()));
-        build.args(["build", "--quiet", "--package", "flightlag", "--target-dir"]).arg(profile.parent().unwrap());
+        // A test target makes cargo choose the features of `cargo test --workspace`, for which all else is compiled already.
+        build.args(["build", "--quiet", "--workspace", "--bin", "flightlag", "--test", "catalogue"]);
+        build.arg("--target-dir").arg(profile.parent().unwrap());
         build.args(release.then_some("--release")).current_dir(env!("CARGO_MANIFEST_DIR"));
         assert!(build.status().unwrap().success(), "flightlag does not build");
         profile.join("flightlag")

@@ -312,6 +312,28 @@ mod tests {
     }
 
     #[test]
+    fn flights_are_in_the_order_of_their_dates_whatever_their_names_and_runs() {
+        let points = |rows: Vec<Row>| {
+            let found = charts(&rows);
+            let chart = chart_of(&found, "serial");
+            (chart.points.iter().map(|p| p.lateness_s.value).collect::<Vec<f64>>(), chart.changes.len())
+        };
+        let expected = points(fleet());
+        let renamed = |dated: bool| {
+            let row = |(n, row): (usize, Row)| Row {
+                flight: format!("{:02}.bin", 39 - n),
+                run_ns: if dated { -(n as i64) } else { 1 + n as i64 },
+                flown_ns: row.flown_ns.filter(|_| dated),
+                ..row
+            };
+            fleet().into_iter().enumerate().map(row).rev().collect::<Vec<Row>>()
+        };
+        assert_eq!(expected.1, 1);
+        assert_eq!(points(renamed(true)), expected);
+        assert_eq!(points(renamed(false)), expected, "without dates, in the order of their runs");
+    }
+
+    #[test]
     fn a_change_is_new_only_in_the_first_night_that_shows_it() {
         let rows = fleet();
         let nights: Vec<Trend> = (24..=30).map(|n| charts(&rows[..n])).collect();
