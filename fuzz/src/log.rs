@@ -2,7 +2,7 @@
 
 use crate::Target;
 use flight::ByteLedger;
-use ingest::{FlightUnit, IngestError, Limits, LogKind, MapLibrary, ReadContext, Select, Selection, TopicInfo};
+use ingest::{FlightUnit, Limits, LogKind, MapLibrary, ReadContext, Select, Selection, TopicInfo};
 use std::fs::File;
 use std::os::unix::fs::FileExt;
 use std::path::Path;
@@ -137,7 +137,7 @@ fn read(unit: &FlightUnit, want: &dyn Select) {
     }
 }
 
-fn in_context<T>(read: impl FnOnce(&ReadContext<'_>) -> Result<T, IngestError>) -> Result<T, IngestError> {
+fn in_context<T>(read: impl FnOnce(&ReadContext<'_>) -> T) -> T {
     read(&ReadContext { limits: limits(), cancel: &AtomicBool::new(false), on_bytes: &|_| () })
 }
 

@@ -18,7 +18,7 @@ use crate::task::caught;
 use crate::work::Workers;
 use compensation_replay::{TruthEffect, effect};
 use flight::{Code, Notices};
-use ingest::{FlightUnit, IngestError, Limits, Loaded, ReadContext, ScanError};
+use ingest::{FlightUnit, IngestError, Limits, Loaded, LogError, ReadContext, ScanError};
 use record::{
     Decision, DelayAlarm, DelaySource, Effect, EkfValues, FlightLateness, Gravity, GroupLateness, MeasuredFlight,
     ReferenceFile,
@@ -209,7 +209,9 @@ fn units_of(
     let mut units = vec![];
     for (path, logs) in order.paths.iter().zip(places) {
         let found = library.discover(logs.root()).map_err(|e| match e {
-            IngestError::Read(ScanError::Io { file, source, .. }) => CampaignError::Asked(format!("{file}: {source}")),
+            IngestError::Log(LogError::Read(ScanError::Io { file, source, .. })) => {
+                CampaignError::Asked(format!("{file}: {source}"))
+            }
             other => CampaignError::Ingest(other),
         })?;
         if found.units.is_empty() {

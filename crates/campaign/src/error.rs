@@ -119,7 +119,9 @@ impl CampaignError {
                 Exit::TryAgain
             }
             CampaignError::Cancelled
-            | CampaignError::Ingest(ingest::IngestError::Read(ingest::ScanError::Cancelled)) => Exit::Stopped,
+            | CampaignError::Ingest(ingest::IngestError::Log(ingest::LogError::Read(ingest::ScanError::Cancelled))) => {
+                Exit::Stopped
+            }
             _ => Exit::Failed,
         }
     }

@@ -9,7 +9,7 @@ use crate::manifest::{FLIGHTLAG_VERSION, hash_of_parts};
 use crate::run_context::RunContext;
 use crate::store::Store;
 use compensation_replay::{REFERENCE_POSITION, REFERENCE_VELOCITY};
-use ingest::{FlightUnit, IngestError, Loaded, MapLibrary, ReadContext, ScanError, discover, load};
+use ingest::{FlightUnit, IngestError, Loaded, LogError, MapLibrary, ReadContext, ScanError, discover, load};
 use record::IgnoredInput;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
@@ -101,7 +101,9 @@ fn hash_text(hasher: &mut blake3::Hasher, text: &str) {
 /// Turns the error of a missing map or folder of maps into an error of the request.
 fn as_asked(error: IngestError) -> CampaignError {
     match error {
-        IngestError::Read(ScanError::Io { file, source, .. }) => CampaignError::Asked(format!("{file}: {source}")),
+        IngestError::Log(LogError::Read(ScanError::Io { file, source, .. })) => {
+            CampaignError::Asked(format!("{file}: {source}"))
+        }
         IngestError::Map(what) => CampaignError::Asked(what),
         other => CampaignError::Ingest(other),
     }

@@ -8,7 +8,7 @@ use crate::reference_rule::ReferenceRule;
 use crate::reference_rule::STEM;
 use compensation_replay::{Likeness, join_reference, likeness, relate_clocks};
 use flight::{Flight, Notice, Severity};
-use ingest::{FlightUnit, IngestError, ReadContext, ScanError};
+use ingest::{FlightUnit, IngestError, LogError, ReadContext, ScanError};
 use record::{ChannelLateness, DelayNetwork, FlightLateness, ReferenceClock, ReferenceFile};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -126,13 +126,15 @@ impl ReferenceLog {
         };
         let name = |f: &PathBuf| f.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let read = match library.load(unit, None, context) {
-            Err(IngestError::Read(ScanError::Cancelled)) => return Err(IngestError::Read(ScanError::Cancelled)),
+            Err(IngestError::Log(LogError::Read(ScanError::Cancelled))) => {
+                return Err(IngestError::Log(LogError::Read(ScanError::Cancelled)));
+            }
             Err(error) => Err(error.to_string()),
             Ok(loaded) => loaded.binding.map(|_| loaded.flight),
         };
         let orientations = match &read {
             Err(_) => ingest::load_orientations(unit, context).or_else(|error| match error {
-                IngestError::Read(ScanError::Cancelled) => Err(error),
+                IngestError::Log(LogError::Read(ScanError::Cancelled)) => Err(error),
                 _ => Ok(vec![]),
             })?,
             Ok(_) => vec![],

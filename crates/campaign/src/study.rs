@@ -11,7 +11,7 @@ use crate::reference::{ReferenceLog, settle};
 use crate::run_context::RunContext;
 use compensation_replay::{Replay, Sweeper, TrackRows, TruthEffect, effect, replay, sketch};
 use flight::{Code, Notices};
-use ingest::{IngestError, Limits, Loaded, ReadContext, ScanError};
+use ingest::{IngestError, Limits, Loaded, LogError, ReadContext, ScanError};
 use record::{Decision, Effect, ExplorerRows, FlightRecord, MeasuredFlight, Outcome, ReplayRecord};
 
 /// The lasting result of a flight: the same log and settings always give the same.
@@ -93,11 +93,11 @@ impl Replaying {
         });
         match both {
             Ok(both) => Ok(Ok(both)),
-            Err(IngestError::Read(ScanError::Cancelled)) => Err(Interrupted::Cancelled),
-            Err(e) if is_denied(&e) || matches!(e, IngestError::Read(ScanError::Changed { .. })) => {
+            Err(IngestError::Log(LogError::Read(ScanError::Cancelled))) => Err(Interrupted::Cancelled),
+            Err(e) if is_denied(&e) || matches!(e, IngestError::Log(LogError::Read(ScanError::Changed { .. }))) => {
                 Err(Interrupted::Lasting(e.to_string()))
             }
-            Err(e @ IngestError::Read(ScanError::Io { .. })) => Err(Interrupted::Trouble(e.to_string())),
+            Err(e @ IngestError::Log(LogError::Read(ScanError::Io { .. }))) => Err(Interrupted::Trouble(e.to_string())),
             Err(e) => Ok(Err(e.to_string())),
         }
     }
@@ -253,7 +253,7 @@ impl Study for Replaying {
 
 /// Whether the system denies reading the log.
 fn is_denied(error: &IngestError) -> bool {
-    matches!(error, IngestError::Read(ScanError::Io { source, .. }) if source.kind() == std::io::ErrorKind::PermissionDenied)
+    matches!(error, IngestError::Log(LogError::Read(ScanError::Io { source, .. })) if source.kind() == std::io::ErrorKind::PermissionDenied)
 }
 
 /// The record of an unusable flight.

@@ -55,3 +55,9 @@ impl ConvertError {
         move |source| ConvertError::Write { path, doing, source }
     }
 }
+
+impl From<ingest::LogError> for ConvertError {
+    fn from(error: ingest::LogError) -> ConvertError {
+        IngestError::from(error).into()
+    }
+}

@@ -1,7 +1,7 @@
 //! What is never overwritten: the log itself, and anything that is not a regular file.
 
 use crate::error::ConvertError;
-use ingest::{IngestError, ScanError};
+use ingest::{IngestError, LogError, ScanError};
 use std::fs::{self, Metadata};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -75,7 +75,9 @@ impl Unchanged {
     pub(crate) fn check(&self) -> Result<(), ConvertError> {
         let changed = self.files.iter().find(|(path, before)| description(path).ok().as_ref() != Some(before));
         match changed {
-            Some((path, _)) => Err(IngestError::Read(ScanError::Changed { file: path.display().to_string() }).into()),
+            Some((path, _)) => {
+                Err(IngestError::Log(LogError::Read(ScanError::Changed { file: path.display().to_string() })).into())
+            }
             None => Ok(()),
         }
     }

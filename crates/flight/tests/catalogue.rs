@@ -176,7 +176,7 @@ const FIRED: &[(Code, &str, &str)] = &[
     (Code::NoChecksum, "crates/ingest/tests/it/nmea.rs", "a_log_without_any_checksum_is_read_and_reported"),
     (
         Code::IndexDiffers,
-        "crates/ingest/src/format/bag_folder.rs",
+        "crates/formats/src/format/bag_folder.rs",
         "a_file_with_only_the_name_of_the_metadata_is_reported",
     ),
     (
@@ -184,8 +184,8 @@ const FIRED: &[(Code, &str, &str)] = &[
         "crates/ingest/tests/it/dataflash.rs",
         "units_of_another_type_make_no_instances_and_are_reported",
     ),
-    (Code::TooMuchData, "crates/ingest/src/decode.rs", "a_small_log_cannot_claim_all_memory_and_the_rest_is_a_loss"),
-    (Code::NotListed, "crates/ingest/src/decode.rs", "a_log_of_many_bad_topics_gets_few_notices"),
+    (Code::TooMuchData, "crates/formats/src/decode.rs", "a_small_log_cannot_claim_all_memory_and_the_rest_is_a_loss"),
+    (Code::NotListed, "crates/formats/src/decode.rs", "a_log_of_many_bad_topics_gets_few_notices"),
     (
         Code::NotDecoded,
         "crates/ingest/tests/it/definitions.rs",

@@ -33,10 +33,8 @@ use self::stamp_columns::{Tied, tie_of};
 use self::trial::Trial;
 use crate::error::IngestError;
 use crate::map::{BENCH_ALONE, ChannelMap, MapLibrary, TimeSource};
-use crate::reader::Log;
-use crate::table::Table;
-use crate::values::Values;
 use flight::{Binding, ChannelHealth, Clock, Code, Flight, MapCandidate, Notices, Severity, StampKind};
+use formats::{Log, Table, Values};
 use std::collections::BTreeSet;
 use std::rc::Rc;
 

@@ -24,7 +24,7 @@ impl Definitions {
     /// The package is named by its `package.xml`, or else by its folder.
     ///
     /// # Errors
-    /// [`IngestError::Read`], also for a folder below that cannot be listed; [`IngestError::Map`] if a definition is too
+    /// [`IngestError::Log`], also for a folder below that cannot be listed; [`IngestError::Map`] if a definition is too
     /// long, or there are too many.
     pub(crate) fn add_folder(&mut self, folder: &Path) -> Result<(), IngestError> {
         let mut paths = vec![];
@@ -56,7 +56,7 @@ impl Definitions {
 }
 
 fn failed(path: &Path, source: std::io::Error) -> IngestError {
-    IngestError::Read(ScanError::Io { file: path.display().to_string(), offset: 0, source })
+    IngestError::from(ScanError::Io { file: path.display().to_string(), offset: 0, source })
 }
 
 /// `px4_msgs/SensorGps` from a path that ends in `px4_msgs/msg/SensorGps.msg`.

@@ -1,12 +1,14 @@
 //! Finds the flights below a folder.
 
-use crate::error::{IngestError, file_name};
-use crate::format::bag_folder::{self, Metadata};
-use crate::format::{PACKED_ENDINGS, Packing, members, write_ahead_log_of};
+use crate::error::IngestError;
 use crate::map::MapLibrary;
 use crate::platform::{FileIdentity, identity};
-use crate::reader::{Limits, ReadContext};
-use crate::sniff::{self, Content, LogKind};
+use formats::bag_folder::{self, Metadata};
+use formats::sniff::{self, Content};
+use formats::{
+    FlightUnit, Limits, LogKind, PACKED_ENDINGS, Packing, ReadContext, file_name, is_packed_of, members,
+    write_ahead_log_of,
+};
 use logscan::ScanError;
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::fs::{self, File, FileType};
@@ -28,18 +30,6 @@ pub struct Discovery {
     pub unreadable: Vec<(String, String)>,
 }
 
-/// The files of one flight.
-#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-pub struct FlightUnit {
-    /// Path below the root with `/` between folders. For several files that make one flight: their folder and the
-    /// common prefix of their names.
-    pub id: String,
-    /// Its files in the order in which they are read: sorted, or in recording order.
-    pub files: Vec<PathBuf>,
-    /// How they are read.
-    pub kind: LogKind,
-}
-
 /// Searches `root`, a folder or a single file. Files are recognised by their content. Tables in one folder are one
 /// flight if their names end in the topics of a channel map, or if they differ only in the last word and that says what
 /// they hold (`x_GPS.csv`, `x_IMU.csv`), or if they are TRACK.CSV, SENSOR.CSV and EVENT.CSV of a FlySight 2. Only
@@ -47,10 +37,10 @@ pub struct FlightUnit {
 /// depend on the file system.
 ///
 /// # Errors
-/// [`IngestError::Read`] if the root itself cannot be read. What cannot be read below it is listed as unreadable, with
+/// [`IngestError::Log`] if the root itself cannot be read. What cannot be read below it is listed as unreadable, with
 /// the reason.
 pub fn discover(root: &Path, library: &MapLibrary) -> Result<Discovery, IngestError> {
-    let failed = |source| IngestError::Read(ScanError::Io { file: root.display().to_string(), offset: 0, source });
+    let failed = |source| IngestError::from(ScanError::Io { file: root.display().to_string(), offset: 0, source });
     let about = fs::metadata(root).map_err(failed)?;
     let mut search = Search { library, found: Discovery::default(), seen: HashMap::new() };
     if about.is_dir() {
@@ -473,12 +463,4 @@ fn head_of(path: &Path) -> std::io::Result<Vec<u8>> {
     let mut head = vec![];
     File::open(path)?.take(sniff::HEAD as u64).read_to_end(&mut head)?;
     Ok(head)
-}
-/// Whether the header of a zstd file states the length of the other file.
-fn is_packed_of(packed: &Path, plain: &Path) -> bool {
-    let mut head = [0; 18];
-    let read = File::open(packed).and_then(|mut file| file.read(&mut head)).unwrap_or(0);
-    let stated = zstd::zstd_safe::get_frame_content_size(head.get(..read).unwrap_or_default());
-    let length = fs::metadata(plain).map(|about| about.len()).ok();
-    matches!(stated, Ok(Some(bytes)) if Some(bytes) == length)
 }

@@ -1,30 +1,15 @@
-//! Reasons why a log cannot be used at all. Damage that leaves something usable is not an error.
+//! Reasons why a log gives no flight.
 
+use formats::LogError;
 use logscan::ScanError;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-/// The reason why nothing of the log can be used.
+/// The reason why a log gives no flight.
 #[derive(Debug, thiserror::Error)]
 pub enum IngestError {
-    /// A file cannot be read, changed meanwhile, or the user stopped.
+    /// It cannot be read.
     #[error(transparent)]
-    Read(#[from] ScanError),
-    /// The file is not a known log.
-    #[error("{file}: {what}")]
-    NotALog {
-        /// File name.
-        file: String,
-        /// What it is instead, or what was expected.
-        what: String,
-    },
-    /// It is a log, but nothing in it is intact.
-    #[error("{file}: {what}")]
-    Unusable {
-        /// File name, with byte or line where known.
-        file: String,
-        /// What is wrong.
-        what: String,
-    },
+    Log(#[from] LogError),
     /// No channel map fits, or two fit equally.
     #[error("{0}")]
     Map(String),
@@ -43,14 +28,8 @@ pub enum IngestError {
     },
 }
 
-impl IngestError {
-    /// A file that cannot be opened, or has no readable size.
-    pub(crate) fn of_file(path: &Path, source: std::io::Error) -> IngestError {
-        ScanError::Io { file: file_name(path), offset: 0, source }.into()
+impl From<ScanError> for IngestError {
+    fn from(source: ScanError) -> IngestError {
+        LogError::from(source).into()
     }
-}
-
-/// The file name for messages.
-pub(crate) fn file_name(path: &Path) -> String {
-    path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
 }

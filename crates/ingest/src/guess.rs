@@ -23,9 +23,8 @@ use self::found::Found;
 use self::names::{Named, Role};
 use self::time_columns::Timing;
 use self::write::GuessedChannels;
-use crate::reader::{FieldRequest, Log, Select, Selection, TableHead, ValueKind};
-use crate::table::{Table, TopicInfo};
 use flight::{Clock, Unit};
+use formats::{FieldRequest, Log, Select, Selection, Table, TableHead, TopicInfo, ValueKind};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Part of the message for a table without a time column.

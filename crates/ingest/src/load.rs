@@ -2,18 +2,12 @@
 
 use crate::bind::bind;
 use crate::companion::companion;
-use crate::discover::FlightUnit;
-use crate::error::{IngestError, file_name};
-use crate::format::{
-    read, read_bag, read_dataflash, read_db3, read_mcap, read_receiver, read_tables, read_tlog, read_ulog,
-};
+use crate::error::IngestError;
 use crate::guess::{self, Guess};
 use crate::map::{ChannelMap, MapLibrary, MapSelect};
 use crate::platform::{FileIdentity, identity};
-use crate::reader::{Log, ReadContext, Select, Selection, TableHead};
-use crate::sniff::LogKind;
-use crate::table::TopicInfo;
 use flight::{Binding, Code, Flight, LogHealth, Quantity};
+use formats::{FlightUnit, Log, LogError, LogKind, ReadContext, Selection, TableHead, TopicInfo, file_name, read};
 use logscan::ScanError;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
@@ -31,40 +25,12 @@ pub struct Loaded {
     pub companion: Option<String>,
 }
 
-/// Reads unpacked files of one kind, one log or several that make up one flight, once from the first byte to the last.
-///
-/// `want` is called once for each topic, before its first message. Damage is not an error: intact data before and after
-/// it is returned, with the damage in the health and a notice. Messages are decoded in the caller's thread. Meanwhile
-/// idle threads may decompress chunks: those of the caller's rayon pool, or else of one pool of up to four threads for
-/// all logs.
-///
-/// # Errors
-/// Only if nothing can be used, the file cannot be read, or on cancellation.
-pub fn read_files(
-    kind: LogKind,
-    files: &[PathBuf],
-    want: &dyn Select,
-    context: &ReadContext<'_>,
-) -> Result<Log, IngestError> {
-    match kind {
-        LogKind::Csv => read_tables(files, want, context),
-        LogKind::Mcap => read_mcap(files, want, context),
-        LogKind::Bag => read_bag(files, want, context),
-        LogKind::Ulog => read_ulog(files, want, context),
-        LogKind::DataFlash => read_dataflash(files, want, context),
-        LogKind::Tlog => read_tlog(files, want, context),
-        LogKind::Db3 => read_db3(files, want, context),
-        LogKind::Nmea => read_receiver(files, true, want, context),
-        LogKind::Ubx => read_receiver(files, false, want, context),
-    }
-}
-
 /// Reads the files of a flight once and binds their columns. `forced` names the channel map.
 ///
 /// If no map fits, the health of the log is still returned, with the reason in the binding.
 ///
 /// # Errors
-/// As [`read`]; [`IngestError::Read`] if a file changed in the meantime;
+/// As [`read`]; [`IngestError::Log`] if a file changed in the meantime;
 /// [`IngestError::Map`] if there is no map of the name `forced`.
 pub fn load(
     unit: &FlightUnit,
@@ -76,7 +42,7 @@ pub fn load(
     let before = states(&unit.files)?;
     let mut log = read(unit, &select, context)?;
     let unchanged = || match changed(&before, &states(&unit.files)?) {
-        Some(file) => Err(IngestError::Read(ScanError::Changed { file })),
+        Some(file) => Err(IngestError::from(ScanError::Changed { file })),
         None => Ok(()),
     };
     unchanged()?;
@@ -264,7 +230,7 @@ type State = (PathBuf, u64, Option<SystemTime>, Option<FileIdentity>);
 
 fn states(files: &[PathBuf]) -> Result<Vec<State>, IngestError> {
     let state = |path: &PathBuf| {
-        let about = std::fs::metadata(path).map_err(|source| IngestError::of_file(path, source))?;
+        let about = std::fs::metadata(path).map_err(|source| LogError::of_file(path, source))?;
         Ok((path.clone(), about.len(), about.modified().ok(), identity(path)))
     };
     files.iter().map(state).collect()

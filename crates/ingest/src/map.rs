@@ -1,15 +1,14 @@
 //! Resolved channel maps: checked, with units and patterns parsed.
 
-use crate::civil::{DateOrder, Tick, offset_seconds};
 use crate::definitions::Definitions;
 use crate::error::IngestError;
 use crate::map_schema::{
     ChannelEntry, ClockName, ContainerStamp, FieldEntry, FieldTable, FrameName, HeightAbove, MapFile, OneOrMore,
     RequireEntry, TimeEntry, TimeTable, TimeText, UtcEntry, WhenEntry,
 };
-use crate::reader::{FieldRequest, Select, Selection, ValueKind};
-use crate::table::TopicInfo;
 use flight::{Clock, Dimension, GPS_EPOCH_UNIX_S, Quantity, StampKind, TAI_LESS_GPS_S, Unit};
+use formats::civil::{DateOrder, Tick, offset_seconds};
+use formats::{FieldRequest, Select, Selection, TopicInfo, ValueKind};
 use logscan::ScanError;
 use settings::{Refused, SettingsFile};
 use std::fmt;
@@ -489,10 +488,10 @@ impl MapLibrary {
     /// one of the same name.
     ///
     /// # Errors
-    /// [`IngestError::Read`] or [`IngestError::BadMap`]; [`IngestError::Map`] for an invalid definition.
+    /// [`IngestError::Log`] or [`IngestError::BadMap`]; [`IngestError::Map`] for an invalid definition.
     pub fn with_folder(mut self, folder: &Path) -> Result<MapLibrary, IngestError> {
         let failed =
-            |source| IngestError::Read(ScanError::Io { file: folder.display().to_string(), offset: 0, source });
+            |source| IngestError::from(ScanError::Io { file: folder.display().to_string(), offset: 0, source });
         if folder.is_file() {
             let above = folder.parent().filter(|above| !above.as_os_str().is_empty()).unwrap_or(Path::new("."));
             let (file, above) = (folder.display(), above.display());

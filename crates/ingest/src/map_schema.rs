@@ -1,7 +1,8 @@
 //! A channel map as written in its file. Every struct rejects unknown fields.
 
-use crate::reader::Log;
 use flight::{Quantity, StampKind, Unit};
+use formats::Log;
+use formats::civil::{DateOrder, Tick};
 #[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer, StrDeserializer};
@@ -84,7 +85,7 @@ pub(crate) struct TimeEntry {
     /// A field of the message.
     pub(crate) field: Option<String>,
     /// Unit of its number.
-    pub(crate) unit: Option<TickName>,
+    pub(crate) unit: Option<Tick>,
     /// Format of its text.
     pub(crate) text: Option<TimeText>,
     /// The GPS week; `field` is then the time in the week. If all weeks are below 1024, they are read as a ten-bit
@@ -103,7 +104,7 @@ pub(crate) struct TimeEntry {
     /// as `05/06/2021` or `050621` are ambiguous: the order is inferred from the column, or stated by `order`.
     pub(crate) date: Option<String>,
     /// With a date: the order of day, month and year.
-    pub(crate) order: Option<OrderName>,
+    pub(crate) order: Option<DateOrder>,
     /// Column of a time of day, `hh:mm:ss`, or `hhmmss` if all its rows can be that.
     pub(crate) time: Option<String>,
     /// Column of the offset from UTC, `+hh:mm`.
@@ -127,7 +128,7 @@ pub(crate) struct CounterEntry {
     /// The field.
     pub(crate) field: String,
     /// Unit of its number.
-    pub(crate) unit: TickName,
+    pub(crate) unit: Tick,
 }
 
 /// A timestamp of the container.
@@ -144,36 +145,6 @@ pub(crate) enum ContainerStamp {
     LoggedOnBoot,
 }
 
-/// A unit of time.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
-#[cfg_attr(feature = "schema", derive(JsonSchema))]
-pub(crate) enum TickName {
-    /// Days.
-    #[serde(rename = "d")]
-    Days,
-    /// Hours.
-    #[serde(rename = "h")]
-    Hours,
-    /// Minutes.
-    #[serde(rename = "min")]
-    Minutes,
-    /// Seconds.
-    #[serde(rename = "s")]
-    Seconds,
-    /// Milliseconds.
-    #[serde(rename = "ms")]
-    Millis,
-    /// 100 microseconds.
-    #[serde(rename = "100us")]
-    TenthMillis,
-    /// Microseconds.
-    #[serde(rename = "us")]
-    Micros,
-    /// Nanoseconds.
-    #[serde(rename = "ns")]
-    Nanos,
-}
-
 /// A way to write an instant.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
@@ -187,19 +158,6 @@ pub(crate) enum TimeText {
     DayOfYear,
     /// `17:27:44.300` or `172744.300` on an unknown day: the clock is `elapsed`, since midnight.
     TimeOfDay,
-}
-
-/// Order of day, month and year in a date.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
-#[cfg_attr(feature = "schema", derive(JsonSchema))]
-#[serde(rename_all = "kebab-case")]
-pub(crate) enum OrderName {
-    /// `23/06/2021`.
-    DayMonthYear,
-    /// `06/23/2021`.
-    MonthDayYear,
-    /// `21/06/23`.
-    YearMonthDay,
 }
 
 /// A clock.

@@ -10,7 +10,7 @@ use crate::plan::why_no_logs;
 use crate::run_context::RunContext;
 use crate::work::Workers;
 use flight::Quantity;
-use ingest::{FlightUnit, IngestError, Limits, Loaded, ReadContext, ScanError};
+use ingest::{FlightUnit, IngestError, Limits, Loaded, LogError, ReadContext, ScanError};
 use record::InputFile;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
@@ -159,7 +159,7 @@ fn read_one(
     let reading = ReadContext { limits: Limits::default(), cancel: context.cancel, on_bytes: &on_bytes };
     let loaded = match (trouble, library.load(&source.unit, forced, &reading)) {
         (Some(trouble), _) => Err(trouble),
-        (None, Err(IngestError::Read(ScanError::Cancelled))) => return Err(CampaignError::Cancelled),
+        (None, Err(IngestError::Log(LogError::Read(ScanError::Cancelled)))) => return Err(CampaignError::Cancelled),
         (None, Err(e)) => Err(e.to_string()),
         (None, Ok(loaded)) => Ok(loaded),
     };

@@ -561,7 +561,7 @@ fn an_aborted_export_leaves_nothing_and_keeps_the_earlier_one() {
     let out = folder.path().join("tables");
     assert!(matches!(
         stopped(&log, &out),
-        convert::ConvertError::Log(ingest::IngestError::Read(ingest::ScanError::Cancelled))
+        convert::ConvertError::Log(ingest::IngestError::Log(ingest::LogError::Read(ingest::ScanError::Cancelled)))
     ));
     assert!(!out.exists());
     exported(&log, ExportWhat::Channels, ExportTo::Csv, &out);
@@ -600,7 +600,12 @@ fn a_stop_request_while_writing_rows_is_honoured_and_cleans_up() {
         };
         let stopped = stopped.expect_err("heard");
         assert!(
-            matches!(stopped, convert::ConvertError::Log(ingest::IngestError::Read(ingest::ScanError::Cancelled))),
+            matches!(
+                stopped,
+                convert::ConvertError::Log(ingest::IngestError::Log(ingest::LogError::Read(
+                    ingest::ScanError::Cancelled
+                )))
+            ),
             "{kind:?}: {stopped}"
         );
         assert_eq!(files(folder.path()), ["log.csv"], "{kind:?}");

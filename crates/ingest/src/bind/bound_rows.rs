@@ -8,12 +8,12 @@ use super::plan::{Found, Plan};
 use super::stamp_columns::Stamps;
 use crate::map::{ChannelRule, Combine, Part, Presence};
 use crate::map_schema::HeightAbove;
-use crate::stamps::{StampStats, distribution};
-use crate::time::suspicion;
 use flight::{
     Channel, ChannelHealth, ChannelSource, Code, Graded, Held, NANOS_PER_SECOND, Notices, Quantity, RejectCount,
     Series, Severity, Stamp, StampHealth, StampKind, StampOffset, Timeline,
 };
+use formats::stamps::{StampStats, distribution};
+use formats::time::suspicion;
 use std::collections::HashMap;
 
 /// With fewer runs than this, holding is not inferred.

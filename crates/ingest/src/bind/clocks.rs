@@ -1,11 +1,11 @@
 //! Compares the clocks of one log: those of different topics, and a clock since boot with the log's own.
 
-use crate::stamps::distribution;
-use crate::time::suspicion;
 use flight::{
     Channel, Clock, Code, Distribution, Flight, LEAPS_KNOWN_UNTIL, Notices, Quantity, Stamp, StampKind,
     leaps_are_known_at,
 };
+use formats::stamps::distribution;
+use formats::time::suspicion;
 use std::collections::BTreeMap;
 
 /// With fewer rows, a clock is not compared.

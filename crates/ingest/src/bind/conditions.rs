@@ -1,8 +1,7 @@
 //! Conditions that a row must meet to be used: on its own fields, or on another message of the same epoch.
 
 use crate::map_schema::RequireEntry;
-use crate::reader::Log;
-use crate::table::{Column, Table, numbers};
+use formats::{Column, Log, Table};
 use std::borrow::Cow;
 use std::collections::HashMap;
 
@@ -23,7 +22,7 @@ pub(super) fn conditions<'a>(require: &'a [RequireEntry], table: &'a Table, log:
     let mut conditions = vec![];
     for entry in require {
         if entry.of.is_empty() {
-            let own = numbers(table, &entry.field);
+            let own = table.numbers(&entry.field);
             conditions.extend(own.map(|column| Condition { entry, values: Values::Own(column) }));
         }
         let others = log.tables.iter().filter(|other| entry.of.contains(&other.topic.name));
@@ -39,8 +38,10 @@ pub(super) fn conditions<'a>(require: &'a [RequireEntry], table: &'a Table, log:
 /// The field in the rows of `other` whose epoch numbers match those of each row of `table`. Where several rows match,
 /// one that fails the condition decides, because it is unknown which of them belongs to the row.
 fn same_epoch(entry: &RequireEntry, table: &Table, other: &Table) -> Option<Vec<Option<f64>>> {
-    let epochs = |table| entry.same.0.iter().map(|field| numbers(table, field)).collect::<Option<Vec<_>>>();
-    let (here, there, field) = (epochs(table)?, epochs(other)?, numbers(other, &entry.field)?);
+    fn epochs<'t>(entry: &RequireEntry, table: &'t Table) -> Option<Vec<&'t Column>> {
+        entry.same.0.iter().map(|field| table.numbers(field)).collect()
+    }
+    let (here, there, field) = (epochs(entry, table)?, epochs(entry, other)?, other.numbers(&entry.field)?);
     let epoch = |columns: &[&Column], row| columns.iter().map(|c| c.integer(row)).collect::<Option<Vec<i64>>>();
     let mut by_epoch: HashMap<Vec<i64>, f64> = HashMap::new();
     for (epoch, value) in (0..other.rows).filter_map(|row| epoch(&there, row).zip(field.number(row))) {

@@ -3,10 +3,9 @@
 use super::order::FAR_NS;
 use super::repair::Repair;
 use crate::map::TimeSource;
-use crate::table::{Table, numbers};
-use crate::time::unwrap;
-use crate::values::Values;
 use flight::{Code, Severity};
+use formats::time::unwrap;
+use formats::{Table, Values};
 
 const COUNTED: &str = "rows without a date, or with a date more than a day away from most others, are dated by the \
     device's counter, counted from the nearest dated row";
@@ -15,7 +14,7 @@ const COUNTED: &str = "rows without a date, or with a date more than a day away 
 /// that of most rows: a device counts from a date of its own until it receives the time.
 pub(super) fn date_by_counter(source: &TimeSource, table: &Table, dates: &mut Values<i64>, repairs: &mut Vec<Repair>) {
     let TimeSource::Calendar { counter: Some((field, tick)), .. } = source else { return };
-    let Some(column) = numbers(table, field) else { return };
+    let Some(column) = table.numbers(field) else { return };
     let mut counts: Values<i64> =
         (0..table.rows).map(|row| tick.integer_since(column.integer(row)?, 0).filter(|ns| *ns >= 0)).collect();
     unwrap(&mut counts, tick.nanos() << 32);

@@ -2,11 +2,11 @@
 
 use super::repair::Repair;
 use super::time_of_day::{DAY_NS, TimesOfDay};
-use crate::civil::{DateOrder, DayOfYear, plain_date, says_zone, unix_ns};
 use crate::map::TimeSource;
-use crate::table::{Column, Table, numbers, texts};
-use crate::time::redate_days;
 use flight::{Code, GPS_EPOCH_UNIX_S, NANOS_PER_SECOND, Severity};
+use formats::civil::{DateOrder, DayOfYear, plain_date, says_zone, unix_ns};
+use formats::time::redate_days;
+use formats::{Column, Table};
 use jiff::civil::Date;
 use std::borrow::Cow;
 
@@ -29,7 +29,7 @@ struct Civil<'a> {
 impl<'a> Civil<'a> {
     fn of(source: &'a TimeSource, table: &'a Table) -> Option<Civil<'a>> {
         let TimeSource::Civil { date, time, offset, zone, order, .. } = source else { return None };
-        let either = |path: &str| texts(table, path).or_else(|| numbers(table, path));
+        let either = |path: &str| table.texts(path).or_else(|| table.numbers(path));
         let offset = offset.as_ref().and_then(|offset| either(offset));
         let zone = zone.as_deref().unwrap_or("Z");
         Some(Civil { date: either(date)?, time: TimesOfDay::of(table, time)?, offset, zone, order: *order })
@@ -126,7 +126,7 @@ pub(super) fn without_zone(source: &TimeSource, table: &Table) -> u64 {
     };
     let label = source.label();
     let named = ["utc", "gmt", "zulu"].iter().any(|zone| label.to_ascii_lowercase().contains(zone));
-    let Some(column) = texts(table, field).filter(|_| !named) else { return 0 };
+    let Some(column) = table.texts(field).filter(|_| !named) else { return 0 };
     (0..table.rows).filter(|row| column.text(*row).is_some_and(&is_silent)).count() as u64
 }
 
@@ -142,10 +142,10 @@ pub(super) fn example(source: &TimeSource, table: &Table) -> Option<String> {
     };
     let cells = match source {
         TimeSource::Iso { field, .. } | TimeSource::DayOfYear { field, .. } | TimeSource::TimeOfDay { field } => {
-            first(texts(table, field)?)?
+            first(table.texts(field)?)?
         }
         TimeSource::Civil { date, time, .. } => {
-            let columns = [date, time].map(|field| texts(table, field).and_then(first));
+            let columns = [date, time].map(|field| table.texts(field).and_then(first));
             columns.into_iter().flatten().collect::<Vec<_>>().join(", ")
         }
         _ => return None,

@@ -6,9 +6,8 @@ use super::plan::{Found, Plan};
 use super::stamp_columns::Stamps;
 use crate::map::{ChannelMap, ChannelRule};
 use crate::map_schema::HeightAbove;
-use crate::reader::Log;
-use crate::table::{Column, ColumnData, Table};
 use flight::Unit;
+use formats::{Column, ColumnData, Log, Table};
 use std::collections::HashSet;
 
 /// A plan with the indices of its columns in place of references.

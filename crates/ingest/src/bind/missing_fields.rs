@@ -2,8 +2,7 @@
 
 use super::trial::Trial;
 use crate::map::{ChannelMap, ChannelRule, Closeness, MapLibrary};
-use crate::reader::Log;
-use crate::table::Table;
+use formats::{Log, Table};
 use settings::nearest;
 
 /// A shipped map lists fields that some logs of a kind have; in the user's own map every field is meant. A missing

@@ -4,8 +4,8 @@
 //! stretches of the flight: the longer one is kept. A few rows that jump away and back have a wrong timestamp, unless
 //! they fill a hole where they land.
 
-use crate::table::Places;
 use flight::{Clock, NANOS_PER_SECOND};
+use formats::Places;
 use std::collections::BTreeMap;
 use std::ops::Range;
 

@@ -4,8 +4,8 @@ use super::conditions::Condition;
 use super::stamp_columns::Stamps;
 use crate::map::ChannelRule;
 use crate::map_schema::HeightAbove;
-use crate::table::{Column, Table};
 use flight::{Quantity, Unit};
+use formats::{Column, Table};
 
 /// A rule with the columns that it found.
 pub(super) struct Plan<'a> {

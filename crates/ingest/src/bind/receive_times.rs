@@ -7,10 +7,9 @@
 use super::repair::Repair;
 use super::stamp_columns::{Stamps, read_stamps};
 use crate::map::{TieRule, TimeSource};
-use crate::reader::Log;
-use crate::stamps::distribution;
-use crate::table::Table;
 use flight::{Clock, Code, NANOS_PER_SECOND, StampKind};
+use formats::stamps::distribution;
+use formats::{Log, Table};
 use std::rc::Rc;
 
 /// Messages further than this from one that states its time are not placed, ns. The two clocks drift by less between

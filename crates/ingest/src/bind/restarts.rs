@@ -7,10 +7,9 @@
 use super::plan::Plan;
 use super::stamp_columns::{NO_UTC_BEFORE_NS, Stamps, Tied, pairs_of};
 use crate::map::{TieRule, TimeSource};
-use crate::reader::{Log, Restart};
-use crate::table::Table;
-use crate::time::tie;
 use flight::{Clock, Code, NANOS_PER_SECOND, Notices, Severity, UtcTie};
+use formats::time::tie;
+use formats::{Log, Restart, Table};
 use std::collections::BTreeMap;
 
 /// Dates of two sessions that differ by less than this are the same, ns.

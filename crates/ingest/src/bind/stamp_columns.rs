@@ -4,13 +4,11 @@ use super::counter_dates::date_by_counter;
 use super::date_columns::{stamps_of_dates, without_zone};
 use super::repair::Repair;
 use super::time_of_day::{DAY_NS, days_of_year, times_of_day, zone_ns};
-use crate::civil::{Tick, calendar_to_unix_ns, local_to_unix_ns};
 use crate::map::{TieRule, TimeSource, USUAL_BITS};
-use crate::reader::Log;
-use crate::table::{Column, ColumnData, Table, numbers, texts};
-use crate::time::{Week, WeekCount, redate_weeks, tie, unwrap};
-use crate::values::Values;
 use flight::{Clock, Code, NANOS_PER_SECOND, Severity, Stamp, StampKind, UtcTie, WEEK_S, gps_of_unix};
+use formats::civil::{Tick, calendar_to_unix_ns, local_to_unix_ns};
+use formats::time::{Week, WeekCount, redate_weeks, tie, unwrap};
+use formats::{Column, ColumnData, Log, Table, Values};
 use std::ops::Range;
 use std::rc::Rc;
 
@@ -128,10 +126,10 @@ fn gps_time(
 ) -> Option<Values<i64>> {
     let TimeSource::GpsWeek { week, field, tick, nanos } = source else { return None };
     let logged = written_at.and_then(|unix| Some(gps_of_unix(Stamp(unix))?.0 / (WEEK_S * NANOS_PER_SECOND)));
-    let (mut stamps, ten_bit) = gps_weeks(numbers(table, week)?, field, *tick, logged, table)?;
+    let (mut stamps, ten_bit) = gps_weeks(table.numbers(week)?, field, *tick, logged, table)?;
     let rule = if logged.is_some() { NEAREST_TO_LOG } else { NEAREST_TO_RELEASE };
     note_inferred(repairs, ten_bit, rule);
-    if let Some(nanos) = nanos.as_ref().and_then(|nanos| numbers(table, nanos)) {
+    if let Some(nanos) = nanos.as_ref().and_then(|nanos| table.numbers(nanos)) {
         stamps.change(|stamps| add(nanos, stamps));
     }
     Some(stamps)
@@ -192,7 +190,7 @@ fn is_wide(source: &TimeSource, table: &Table) -> bool {
     const WITHOUT_TYPES: [&str; 2] = ["csv", "json"];
     let TimeSource::Number { field, bits: USUAL_BITS, .. } = source else { return false };
     let long = |column: &Column| matches!(column.data, ColumnData::I64(_) | ColumnData::U64(_));
-    numbers(table, field).is_some_and(long) && !WITHOUT_TYPES.contains(&table.topic.encoding.as_str())
+    table.numbers(field).is_some_and(long) && !WITHOUT_TYPES.contains(&table.topic.encoding.as_str())
 }
 
 /// Corrects the known clock faults of a source. Returns the counter that wrapped around.
@@ -243,7 +241,7 @@ fn nanos_of(source: &TimeSource, table: &Table, repairs: &mut Vec<Repair>) -> Op
         TimeSource::ContainerPublished => table.published_ns.clone()?.into(),
         TimeSource::Number { field, tick, zero_s, .. } => ticks(field, *tick, *zero_s, table)?,
         TimeSource::Iso { field, zone } => {
-            let column = texts(table, field)?;
+            let column = table.texts(field)?;
             let offset = zone.as_deref().unwrap_or("Z");
             rows.map(|row| local_to_unix_ns(column.text(row)?, offset)).collect()
         }
@@ -251,18 +249,18 @@ fn nanos_of(source: &TimeSource, table: &Table, repairs: &mut Vec<Repair>) -> Op
         TimeSource::DayOfYear { field, year, zone } => days_of_year(field, *year, zone.as_deref(), table, repairs)?.1,
         TimeSource::TimeOfDay { field } => times_of_day(field, table, repairs)?,
         TimeSource::Calendar { fields, zone, .. } => {
-            let columns: Vec<&Column> = fields.iter().map(|f| numbers(table, f)).collect::<Option<_>>()?;
+            let columns: Vec<&Column> = fields.iter().map(|f| table.numbers(f)).collect::<Option<_>>()?;
             let east_ns = zone_ns(zone.as_deref());
             rows.map(|row| calendar(&columns, row)?.checked_sub(east_ns)).collect()
         }
-        TimeSource::GpsWeek { week, field, tick, .. } => gps_weeks(numbers(table, week)?, field, *tick, None, table)?.0,
+        TimeSource::GpsWeek { week, field, tick, .. } => gps_weeks(table.numbers(week)?, field, *tick, None, table)?.0,
     })
 }
 
 /// A number of ticks for each row since `zero_s`.
 fn ticks(field: &str, tick: Tick, zero_s: i64, table: &Table) -> Option<Values<i64>> {
     let rows = 0..table.rows;
-    match (texts(table, field), numbers(table, field)) {
+    match (table.texts(field), table.numbers(field)) {
         (Some(text), _) => Some(rows.map(|row| tick.text_since(text.text(row)?, zero_s)).collect()),
         (None, Some(number)) => {
             let nanos = |row| match number.integer(row) {
@@ -366,7 +364,7 @@ fn pairs_in(rule: &TieRule, table: &Table) -> Option<Pairs> {
     let stamps = read_stamps(StampKind::Logged, &rule.stamp, table, written_at)?;
     let utc = read_stamps(StampKind::Measured, &rule.utc, table, written_at)?;
     let meets = |row: usize| {
-        rule.require.iter().all(|r| numbers(table, &r.field).and_then(|c| c.number(row)).is_none_or(|v| r.met_by(v)))
+        rule.require.iter().all(|r| table.numbers(&r.field).and_then(|c| c.number(row)).is_none_or(|v| r.met_by(v)))
     };
     if stamps.clock != rule.clock {
         return None;
@@ -384,7 +382,7 @@ fn pairs_in(rule: &TieRule, table: &Table) -> Option<Pairs> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::table::{Places, TopicInfo};
+    use formats::{Places, TopicInfo};
 
     const BOOT_NS: i64 = 60 * NANOS_PER_SECOND;
     const UNIX_NS: i64 = 1_700_000_000 * NANOS_PER_SECOND;

@@ -3,9 +3,9 @@
 use super::plan::{Found, Plan};
 use super::stamp_columns::Stamps;
 use crate::map::{ChannelRule, TimeSource};
-use crate::reader::{StatedUnit, TableHead};
-use crate::written_unit::{Written, in_brackets, read};
 use flight::{Code, Dimension, Graded, Notices, Severity, Unit};
+use formats::written_unit::{Written, in_brackets, read};
+use formats::{StatedUnit, TableHead};
 
 /// The column in the unit that its table states. A decimal fraction of that unit is left to the map, because tables
 /// state `deg` for integers of 1e-7 deg.

@@ -1,11 +1,10 @@
 //! Timestamps from a day of the year, or from a time of day alone.
 
 use super::repair::Repair;
-use crate::civil::{DayOfYear, offset_seconds, since_midnight_ns, with_colons, year_begin_unix_ns};
-use crate::table::{Column, Table, numbers, texts};
-use crate::time::{TOLERATED, unwrap};
-use crate::values::Values;
 use flight::{Clock, Code, NANOS_PER_SECOND};
+use formats::civil::{DayOfYear, offset_seconds, since_midnight_ns, with_colons, year_begin_unix_ns};
+use formats::time::{TOLERATED, unwrap};
+use formats::{Column, Table, Values};
 
 pub(super) const DAY_NS: i64 = 86_400 * NANOS_PER_SECOND;
 
@@ -21,7 +20,7 @@ pub(super) struct TimesOfDay<'a> {
 impl<'a> TimesOfDay<'a> {
     /// `None` if the table has no such column. Where a log's columns have types, `hhmmss` is a number.
     pub(super) fn of(table: &'a Table, field: &str) -> Option<TimesOfDay<'a>> {
-        let column = texts(table, field).or_else(|| numbers(table, field))?;
+        let column = table.texts(field).or_else(|| table.numbers(field))?;
         let (mut all, mut wrong, mut long) = (0, 0, false);
         for text in (0..table.rows).filter_map(|row| cell_text(column, row)).filter(|text| is_compact(text)) {
             let fits = with_colons(&text).is_some();
@@ -67,7 +66,7 @@ pub(super) fn days_of_year(
     table: &Table,
     repairs: &mut Vec<Repair>,
 ) -> Option<(Clock, Values<i64>)> {
-    let column = texts(table, field)?;
+    let column = table.texts(field)?;
     let days: Vec<Option<DayOfYear>> = (0..table.rows).map(|row| DayOfYear::of_text(column.text(row)?)).collect();
     let zone_ns = zone_ns(zone);
     let east_ns = |day: &DayOfYear| day.east_ns.unwrap_or(zone_ns);

@@ -8,10 +8,8 @@ use super::trial::{Trial, stamps_of};
 use super::wraps;
 use crate::error::IngestError;
 use crate::map::{ChannelMap, ChannelRule, MapLibrary};
-use crate::reader::Log;
-use crate::table::{Column, Places, Table};
-use crate::values::Values;
 use flight::{Clock, Notices, Stamp, UtcTie};
+use formats::{Column, Log, Places, Table, Values};
 use std::collections::HashSet;
 use std::rc::Rc;
 

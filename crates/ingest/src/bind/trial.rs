@@ -7,9 +7,8 @@ use super::receive_times::by_receive_time;
 use super::stamp_columns::{Stamps, is_constant, read_stamps, written_at};
 use super::stated_units;
 use crate::map::{BENCH_ALONE, ChannelMap, ChannelRule, Closeness, Part, Presence, Specificity, TimeSource};
-use crate::reader::Log;
-use crate::table::{Table, numbers};
 use flight::{Quantity, StampKind};
+use formats::{Log, Table};
 
 /// What a map finds in a log.
 pub(super) struct Trial<'a> {
@@ -240,11 +239,8 @@ fn columns_found(rule: &ChannelRule, table: &Table) -> usize {
 
 fn no_topic(rule: &ChannelRule, log: &Log) -> String {
     let undecodable = log.health.topics.iter().filter(|t| !t.reason.is_empty()).find(|t| {
-        let topic = crate::table::TopicInfo {
-            name: t.name.clone(),
-            type_name: t.type_name.clone(),
-            encoding: t.encoding.clone(),
-        };
+        let topic =
+            formats::TopicInfo { name: t.name.clone(), type_name: t.type_name.clone(), encoding: t.encoding.clone() };
         rule.meets(&topic).is_some()
     });
     match (undecodable, rule.topics.first(), rule.types.first()) {
@@ -301,7 +297,7 @@ fn first_of(names: &[&str], most: usize, between: &str, more: &str) -> String {
 fn find_part<'a>(part: &'a Part, table: &'a Table) -> Option<Found<'a>> {
     let mut zero = None;
     for source in &part.fields {
-        let Some(column) = numbers(table, &source.path) else { continue };
+        let Some(column) = table.numbers(&source.path) else { continue };
         let mut values = (0..table.rows).filter_map(|row| column.number(row)).peekable();
         if values.peek().is_none() {
             continue;

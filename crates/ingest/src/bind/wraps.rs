@@ -2,8 +2,8 @@
 
 use super::repair::Repair;
 use super::stamp_columns::{Counter, Stamps};
-use crate::time::TOLERATED;
 use flight::{Clock, Code};
+use formats::time::TOLERATED;
 use std::rc::Rc;
 
 /// A topic fits a number of wraps if at least this percentage of its time lies within that of the others.

@@ -12,8 +12,8 @@ use super::compare::Motion;
 use super::found::Found;
 use super::time_columns::Timing;
 use super::windows::Trace;
-use crate::table::Table;
 use flight::Unit;
+use formats::Table;
 
 /// An agreement that confirms or, with the opposite sign, contradicts.
 const CONFIRMS: f64 = 0.8;

@@ -3,8 +3,7 @@
 use super::column_groups::{Position, TableColumns, Velocity};
 use super::names::{Axis, Named, Role};
 use super::time_columns::{Timing, timings};
-use crate::reader::TableHead;
-use crate::table::{Table, numbers};
+use formats::{Table, TableHead};
 
 /// Tables with more columns are not tried.
 const MOST_COLUMNS: usize = 40;
@@ -75,7 +74,7 @@ fn source<'l>(head: &TableHead, table: &'l Table, time: &String, timings: Vec<Ti
 }
 
 fn range(table: &Table, path: &str) -> Option<(f64, f64)> {
-    let column = numbers(table, path)?;
+    let column = table.numbers(path)?;
     let values = (0..table.rows).filter_map(|row| column.number(row)).filter(|v| v.is_finite());
     values.fold(None, |range: Option<(f64, f64)>, v| Some(range.map_or((v, v), |(a, b)| (a.min(v), b.max(v)))))
 }
@@ -92,7 +91,7 @@ fn may_be_place(table: &Table, latitude: &str, longitude: &str) -> bool {
         in_range && (b - a).max(d - c) <= MOST_TRAVELLED * scale && a.abs().max(c.abs()) > 0.01 * scale
     };
     let is_fine = |path: &str| {
-        let value = numbers(table, path).and_then(|column| column.number(table.rows / 2));
+        let value = table.numbers(path).and_then(|column| column.number(table.rows / 2));
         value.is_some_and(|value| (value * 1e4).fract().abs() > 1e-9 || value.abs() > 1e4)
     };
     (fits(1.0) || fits(1e7)) && is_fine(latitude) && is_fine(longitude)

@@ -2,8 +2,7 @@
 
 use super::names::{Axis, Named, Role};
 use super::time_columns::{Timing, timings};
-use crate::reader::{Log, TableHead};
-use crate::table::{Table, numbers};
+use formats::{Log, Table, TableHead};
 
 /// A table with the roles from its column names and the possible readings of its time.
 pub(super) struct TableColumns<'l> {
@@ -77,7 +76,7 @@ pub(super) fn sources(log: &Log) -> Vec<TableColumns<'_>> {
 /// The columns whose name gives a role: those that hold a value, and those without a number.
 fn filled(head: &TableHead, table: &Table) -> (Vec<Named>, Vec<Named>) {
     let holds = |column: &Named| {
-        let values = || numbers(table, &column.path);
+        let values = || table.numbers(&column.path);
         column.role == Role::Time || values().is_some_and(|v| (0..table.rows).any(|row| v.number(row).is_some()))
     };
     head.names.iter().filter_map(|path| super::names::named(head, path)).partition(holds)

@@ -4,8 +4,8 @@ use super::column_groups::{Position, Velocity, names_axes};
 use super::names::{Axis, Named, Role};
 use super::time_columns::Timing;
 use super::windows::{Match, Trace, Windows};
-use crate::table::{Column, Table, numbers};
 use flight::{Dimension, Geodetic, LocalFrame, Unit};
+use formats::{Column, Table};
 
 /// The least agreement of a position and a velocity of one vehicle.
 const LEAST_AGREEMENT: f64 = 0.9;
@@ -79,7 +79,7 @@ pub(super) fn trace<const N: usize>(
     columns: [Option<&Named>; N],
     convert: impl Fn([f64; N]) -> [f64; N],
 ) -> Trace<N> {
-    let columns = columns.map(|column| column.and_then(|c| numbers(table, &c.path)));
+    let columns = columns.map(|column| column.and_then(|c| table.numbers(&c.path)));
     let row = |row: usize| {
         let time_s = *times_s.get(row)?;
         let mut values = [0.0; N];
@@ -98,7 +98,7 @@ pub(super) fn unit(symbol: &str) -> Option<Unit> {
 }
 
 pub(super) fn largest(table: &Table, column: &Named) -> f64 {
-    let values = numbers(table, &column.path);
+    let values = table.numbers(&column.path);
     (0..table.rows).filter_map(|row| values?.number(row)).fold(0.0, |most, v| most.max(v.abs()))
 }
 
@@ -108,7 +108,7 @@ const EARTH_CENTRED_M: std::ops::Range<f64> = 6.33e6..6.5e6;
 /// Whether three lengths are earth-centred coordinates: their distance from the origin is the Earth's radius.
 pub(super) fn is_earth_centred(table: &Table, group: &Position) -> bool {
     let columns =
-        [Some(&group.first), Some(&group.second), group.third.as_ref()].map(|c| Some((c?, numbers(table, &c?.path)?)));
+        [Some(&group.first), Some(&group.second), group.third.as_ref()].map(|c| Some((c?, table.numbers(&c?.path)?)));
     let [Some(x), Some(y), Some(z)] = columns else { return false };
     let length = |row: usize, (column, values): (&Named, &Column)| {
         let value = values.number(row)?;

@@ -1,8 +1,8 @@
 //! Infers role, axis, source and unit of a column from its name.
 
-use crate::reader::TableHead;
-use crate::written_unit::{Written, is_blank, of_word, read};
 use flight::{Dimension, Unit};
+use formats::TableHead;
+use formats::written_unit::{Written, is_blank, of_word, read};
 
 /// An axis as written in names.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -235,7 +235,7 @@ impl Named {
 
 /// The role of a column by its name; `None` if it has no wanted role.
 pub(super) fn named(head: &TableHead, path: &str) -> Option<Named> {
-    let front = crate::written_unit::in_brackets(path)
+    let front = formats::written_unit::in_brackets(path)
         .map_or(path, |unit| path.get(..path.len().saturating_sub(unit.len() + 2)).unwrap_or(path));
     let mut words = words(front);
     let ending = take_unit(&mut words);

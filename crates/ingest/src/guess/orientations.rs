@@ -7,7 +7,7 @@ use super::compare::{Motion, Place, Vertical, plausible_height, side, unit};
 use super::found::{Found, Guess};
 use super::time_columns::Timing;
 use super::write::{GuessedChannels, map};
-use crate::reader::Log;
+use formats::Log;
 
 /// Whether the second column is north, and whether the other one is positive to the west.
 const AXES: [(bool, bool); 4] = [(false, false), (true, false), (false, true), (true, true)];

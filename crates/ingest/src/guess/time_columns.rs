@@ -3,8 +3,8 @@
 use super::names::{Named, Role};
 use crate::bind::stamps_by;
 use crate::map::time_source_of;
-use crate::table::{Table, numbers, texts};
 use flight::{Clock, Unit};
+use formats::Table;
 use std::rc::Rc;
 
 /// Steps between rows at plausible logging rates, s.
@@ -46,7 +46,7 @@ pub(super) fn timings(table: &Table, columns: &[Named]) -> Vec<Timing> {
             }
         }
     }
-    let date = of_role(Role::Time).find(|c| c.words == ["date"] && texts(table, &c.path).is_some());
+    let date = of_role(Role::Time).find(|c| c.words == ["date"] && table.texts(&c.path).is_some());
     if let Some(date) = date {
         let times = of_role(Role::Time).filter(|c| c.path != date.path);
         let both = times.filter_map(|time| {
@@ -74,7 +74,7 @@ pub(super) fn timings(table: &Table, columns: &[Named]) -> Vec<Timing> {
 /// Whether a position or velocity column changes in most rows that repeat the time of the row before.
 fn moves_within(table: &Table, timing: &Timing, column: &Named) -> bool {
     let is_time = matches!(column.role, Role::Time | Role::Week);
-    let Some(values) = numbers(table, &column.path).filter(|_| !is_time) else { return false };
+    let Some(values) = table.numbers(&column.path).filter(|_| !is_time) else { return false };
     let again = timing.times_s.iter().zip(timing.times_s.iter().skip(1)).enumerate().filter(|(_, (a, b))| a == b);
     let changes = |row: usize| values.number(row).zip(values.number(row + 1)).is_some_and(|(a, b)| a != b);
     let (all, changed) = again.fold((0, 0), |(all, changed), (row, _)| (all + 1, changed + usize::from(changes(row))));
@@ -102,7 +102,7 @@ fn kind_of(column: &Named) -> &'static str {
 }
 
 fn of_week(table: &Table, week: &Named, time: &Named) -> Option<Timing> {
-    let values = numbers(table, &time.path)?;
+    let values = table.numbers(&time.path)?;
     let most = (0..table.rows).filter_map(|row| values.number(row)).fold(0.0, f64::max);
     let unit = time.unit.map_or(if most > 604_800.0 { "ms" } else { "s" }, Unit::symbol);
     let label = format!("{} and {} [{unit}], clock gps", week.path, time.path);
@@ -117,7 +117,7 @@ fn of_week(table: &Table, week: &Named, time: &Named) -> Option<Timing> {
 }
 
 fn of_column(table: &Table, column: &Named) -> Vec<Timing> {
-    if numbers(table, &column.path).is_none() {
+    if table.numbers(&column.path).is_none() {
         return of_text(table, column, &["iso-8601", "time-of-day", "day-of-year"]).into_iter().collect();
     }
     if column.unit.is_none() && is_hours_minutes_seconds(table, column) {
@@ -161,7 +161,7 @@ fn of_numbers(table: &Table, column: &Named, (middle, step): (f64, f64)) -> Vec<
 /// the next hundred.
 fn is_hours_minutes_seconds(table: &Table, column: &Named) -> bool {
     const MINUTE: f64 = 100.0;
-    let Some(values) = numbers(table, &column.path) else { return false };
+    let Some(values) = table.numbers(&column.path) else { return false };
     let all = || (0..table.rows).filter_map(|row| values.number(row));
     let fits = |x: f64| (0.0..240_000.0).contains(&x) && x % MINUTE < 60.0 && (x / MINUTE) % MINUTE < 60.0;
     let ends = || all().zip(all().skip(1)).filter(|(a, b)| (a / MINUTE).floor() < (b / MINUTE).floor());
@@ -180,7 +180,7 @@ fn of_text(table: &Table, column: &Named, texts: &[&str]) -> Option<Timing> {
 
 /// The median value and the median step.
 fn middles(table: &Table, column: &Named) -> Option<(f64, f64)> {
-    let values = numbers(table, &column.path)?;
+    let values = table.numbers(&column.path)?;
     let all = || (0..table.rows).filter_map(|row| values.number(row));
     // One after the other: one copy of the column in memory is enough.
     let step = middle(all().zip(all().skip(1)).map(|(a, b)| b - a).filter(|step| *step > 0.0).collect())?;
@@ -223,7 +223,7 @@ pub(super) fn with_unknown_unit<'c>(table: &Table, columns: &'c [Named]) -> Opti
     let first = times.into_iter().find(|column| !of_column(table, column).is_empty())?;
     let unit = first.odd_unit.as_ref()?.to_lowercase();
     let is_clock = unit.split(|c: char| !c.is_alphanumeric()).any(|word| CLOCKS.contains(&word));
-    (!is_clock && numbers(table, &first.path).is_some()).then_some(first)
+    (!is_clock && table.numbers(&first.path).is_some()).then_some(first)
 }
 
 /// How a map reads the times that a guess does not.
@@ -244,8 +244,8 @@ pub(super) fn unreadable(table: &Table, names: &[String], columns: &[Named]) -> 
     }
     let first = columns.iter().find(|column| column.role == Role::Time)?;
     let text = |row| {
-        let cell = texts(table, &first.path).and_then(|values| values.text(row).map(|text| text.trim().to_owned()));
-        cell.or_else(|| numbers(table, &first.path)?.number(row).map(|number| number.to_string()))
+        let cell = table.texts(&first.path).and_then(|values| values.text(row).map(|text| text.trim().to_owned()));
+        cell.or_else(|| table.numbers(&first.path)?.number(row).map(|number| number.to_string()))
     };
     let cell = (0..table.rows).filter_map(text).find(|text| !text.is_empty())?;
     Some(format!(
@@ -260,7 +260,7 @@ pub(super) fn parts_of_time<'n>(table: &Table, names: &'n [String]) -> Vec<&'n s
     let called = |any: [&str; 4]| names.iter().find(|name| any.contains(&name.trim().to_lowercase().as_str()));
     let minute = called(["minute", "minutes", "min", "mm"]);
     let is_part = |path: &&String| {
-        numbers(table, path).is_none_or(|v| (0..table.rows).filter_map(|row| v.number(row)).all(|s| s <= 60.0))
+        table.numbers(path).is_none_or(|v| (0..table.rows).filter_map(|row| v.number(row)).all(|s| s <= 60.0))
     };
     let second = called(["second", "seconds", "sec", "ss"]).filter(is_part);
     minute.zip(second).map_or(vec![], |(minute, second)| vec![minute, second])
@@ -276,7 +276,7 @@ const ALIKE: f64 = 3.0;
 /// The possible readings of the time where no column is named like one: from the columns that rise steadily.
 pub(super) fn by_rise(table: &Table, names: &[String], taken: &[Named]) -> Vec<Timing> {
     let is_free = |path: &&String| !taken.iter().any(|column| column.path == **path);
-    let rising = names.iter().filter(is_free).filter(|path| numbers(table, path).is_none() || rises(table, path));
+    let rising = names.iter().filter(is_free).filter(|path| table.numbers(path).is_none() || rises(table, path));
     let readings =
         rising.map(|path| of_column(table, &Named::with_role(path, Role::Time))).filter(|all| !all.is_empty());
     readings.take(MOST_RISING).flatten().map(unnamed).collect()
@@ -293,7 +293,7 @@ fn unnamed(timing: Timing) -> Timing {
 
 /// Whether a column rises in nearly all rows, in similar steps.
 fn rises(table: &Table, path: &str) -> bool {
-    let Some(values) = numbers(table, path) else { return false };
+    let Some(values) = table.numbers(path) else { return false };
     let all: Vec<f64> = (0..table.rows).filter_map(|row| values.number(row)).collect();
     let mut steps: Vec<f64> = all.iter().zip(all.iter().skip(1)).map(|(a, b)| b - a).collect();
     let goes_on = steps.iter().filter(|step| **step >= 0.0).count();

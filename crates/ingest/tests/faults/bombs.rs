@@ -2,7 +2,7 @@
 
 use crate::lab::{Lab, resident};
 use crate::verdict::is_reported;
-use ingest::{IngestError, Log, LogKind};
+use ingest::{Log, LogError, LogKind};
 use std::io::Write;
 
 /// Resident memory that a bomb may take (T5), bytes.
@@ -69,7 +69,7 @@ fn bag_of(compression: &str, declared: u32, data: &[u8]) -> Vec<u8> {
 }
 
 /// Reads a bomb, which must be reported and take little memory.
-fn defused(lab: &mut Lab, kind: LogKind, name: &str, bytes: &[u8], case: &str) -> Result<Log, IngestError> {
+fn defused(lab: &mut Lab, kind: LogKind, name: &str, bytes: &[u8], case: &str) -> Result<Log, LogError> {
     let subject = lab.single(kind, name);
     let (read, peak) = resident(|| lab.read(&subject, bytes, case));
     assert!(peak <= RESIDENT + 4 * bytes.len() as u64, "{case}: {peak} bytes resident");
@@ -80,7 +80,7 @@ fn defused(lab: &mut Lab, kind: LogKind, name: &str, bytes: &[u8], case: &str) -
     read
 }
 
-fn reasons(read: &Result<Log, IngestError>) -> String {
+fn reasons(read: &Result<Log, LogError>) -> String {
     match read {
         Ok(log) => log.health.damage.iter().map(|d| d.reason.as_str()).collect::<Vec<_>>().join("; "),
         Err(error) => error.to_string(),

@@ -1,7 +1,7 @@
 //! Reads bytes while measuring time and memory.
 
 use ingest::{
-    Column, ColumnData, FlightUnit, IngestError, Limits, Log, LogKind, ReadContext, Select, Selection, Table, TopicInfo,
+    Column, ColumnData, FlightUnit, Limits, Log, LogError, LogKind, ReadContext, Select, Selection, Table, TopicInfo,
 };
 use peak_alloc::PeakAlloc;
 use simulate::{Container, Seed};
@@ -81,7 +81,7 @@ impl Lab {
     ///
     /// # Panics
     /// If reading panics, loses count of the bytes, lists damage without end or takes too much memory.
-    pub fn read(&mut self, subject: &Subject, bytes: &[u8], case: &str) -> Result<Log, IngestError> {
+    pub fn read(&mut self, subject: &Subject, bytes: &[u8], case: &str) -> Result<Log, LogError> {
         self.read_some(subject, bytes, case, &|_: &TopicInfo| Selection::All)
     }
 
@@ -92,7 +92,7 @@ impl Lab {
         bytes: &[u8],
         case: &str,
         want: &dyn Select,
-    ) -> Result<Log, IngestError> {
+    ) -> Result<Log, LogError> {
         self.stretched(subject, bytes, bytes.len() as u64, case, want)
     }
 
@@ -104,7 +104,7 @@ impl Lab {
         size: u64,
         case: &str,
         want: &dyn Select,
-    ) -> Result<Log, IngestError> {
+    ) -> Result<Log, LogError> {
         subject.file.set_len(0).unwrap();
         subject.file.write_all_at(bytes, 0).unwrap();
         subject.file.set_len(size).unwrap();

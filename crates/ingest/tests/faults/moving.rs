@@ -2,7 +2,7 @@
 //! bytes are damage, and a flight is never made of mixed contents.
 
 use crate::lab::kind_of;
-use ingest::{FlightUnit, IngestError, Limits, Log, MapLibrary, ReadContext, Selection, TopicInfo};
+use ingest::{FlightUnit, Limits, Log, LogError, MapLibrary, ReadContext, Selection, TopicInfo};
 use simulate::{Container, FlightSettings, SensorSettings, SimulatedFlight, simulate};
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -55,7 +55,7 @@ impl Moving {
         (read, acted.into_inner())
     }
 
-    fn read(&self, act: fn(&Moving)) -> Result<Log, IngestError> {
+    fn read(&self, act: fn(&Moving)) -> Result<Log, LogError> {
         self.while_read(act, |context| ingest::read(&self.unit, &|_: &TopicInfo| Selection::All, context)).0
     }
 }

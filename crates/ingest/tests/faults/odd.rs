@@ -2,7 +2,7 @@
 
 use crate::lab::{Lab, seeds};
 use crate::verdict::{is_reported, rows};
-use ingest::{IngestError, LogKind, MapLibrary, ScanError, discover};
+use ingest::{LogError, LogKind, MapLibrary, ScanError, discover};
 
 const KINDS: [(LogKind, &str); 9] = [
     (LogKind::Csv, "csv"),
@@ -54,7 +54,7 @@ fn a_log_that_ends_with_its_magic_or_header_does_not_panic() {
             let case = format!("{family}, {length} bytes");
             if let Err(error) = lab.read(&subject, &seed.files[0].bytes[..length], &case) {
                 assert!(
-                    !matches!(error, IngestError::Read(ScanError::Io { .. }) | IngestError::Read(ScanError::Cancelled)),
+                    !matches!(error, LogError::Read(ScanError::Io { .. }) | LogError::Read(ScanError::Cancelled)),
                     "{case}: {error}"
                 );
             }

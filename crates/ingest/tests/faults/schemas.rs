@@ -2,7 +2,7 @@
 
 use crate::lab::Lab;
 use crate::verdict;
-use ingest::{IngestError, Log, LogKind};
+use ingest::{Log, LogError, LogKind};
 use std::fmt::Write;
 
 /// A ULog of these formats, an instance of each, and a message of 8 bytes for each.
@@ -45,7 +45,7 @@ fn message(channel: u16, payload: &[u8]) -> (u8, Vec<u8>) {
     (5, [&channel.to_le_bytes()[..], &[0; 20], payload].concat())
 }
 
-fn rows(read: &Result<Log, IngestError>) -> usize {
+fn rows(read: &Result<Log, LogError>) -> usize {
     read.as_ref().map_or(0, verdict::rows)
 }
 

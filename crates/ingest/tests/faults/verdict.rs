@@ -1,7 +1,7 @@
 //! Compares the result of a damaged log with that of the intact one.
 
 use flight::Severity;
-use ingest::{Column, ColumnData, IngestError, Log, Table};
+use ingest::{Column, ColumnData, Log, LogError, Table};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// The difference that damage made.
@@ -31,7 +31,7 @@ pub fn rows(log: &Log) -> usize {
 }
 
 /// Whether damage is reported that the intact log does not have.
-pub fn is_reported(read: &Result<Log, IngestError>, intact: &Log) -> bool {
+pub fn is_reported(read: &Result<Log, LogError>, intact: &Log) -> bool {
     read.as_ref().map_or(true, |log| losses(log) != losses(intact))
 }
 
@@ -45,7 +45,7 @@ fn losses(log: &Log) -> BTreeMap<&str, u64> {
 }
 
 impl Verdict {
-    pub fn of(read: &Result<Log, IngestError>, intact: &Log) -> Verdict {
+    pub fn of(read: &Result<Log, LogError>, intact: &Log) -> Verdict {
         let Ok(log) = read else { return Verdict::Reported };
         if is_reported(read, intact) {
             return Verdict::Reported;

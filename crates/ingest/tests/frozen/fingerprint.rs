@@ -2,8 +2,7 @@
 
 use flight::{ByteLedger, Severity, Stamp};
 use ingest::{
-    Column, ColumnData, FlightUnit, IngestError, Limits, Loaded, Log, MapLibrary, ReadContext, Selection, Table,
-    TopicInfo,
+    Column, ColumnData, FlightUnit, Limits, Loaded, Log, LogError, MapLibrary, ReadContext, Selection, Table, TopicInfo,
 };
 use std::sync::atomic::AtomicBool;
 
@@ -14,7 +13,7 @@ pub fn in_context<T>(body: impl FnOnce(&ReadContext<'_>) -> T) -> T {
 }
 
 /// The whole content of the log.
-pub fn read(unit: &FlightUnit) -> Result<Log, IngestError> {
+pub fn read(unit: &FlightUnit) -> Result<Log, LogError> {
     in_context(|context| ingest::read(unit, &|_: &TopicInfo| Selection::All, context))
 }
 

@@ -3,8 +3,8 @@
 use crate::support::*;
 use flight::{ChannelHealth, Notice, Quantity, StampKind};
 use ingest::{
-    ChannelMap, Column, ColumnData, FlightUnit, IngestError, Loaded, Log, LogKind, MapLibrary, ScanError, Table,
-    TopicInfo, bind,
+    ChannelMap, Column, ColumnData, FlightUnit, IngestError, Loaded, Log, LogError, LogKind, MapLibrary, ScanError,
+    Table, TopicInfo, bind,
 };
 use std::path::Path;
 
@@ -367,7 +367,10 @@ fn a_number_that_is_not_finite_rejects_its_message() {
 fn a_missing_file_is_an_error_with_its_name() {
     let unit = FlightUnit { id: "x".into(), files: vec!["/nowhere/x.csv".into()], kind: LogKind::Csv };
     let error = load(&unit).unwrap_err();
-    assert!(matches!(&error, IngestError::Read(ScanError::Io { file, .. }) if file == "x.csv"), "{error}");
+    assert!(
+        matches!(&error, IngestError::Log(LogError::Read(ScanError::Io { file, .. })) if file == "x.csv"),
+        "{error}"
+    );
 }
 
 #[test]
@@ -382,7 +385,10 @@ fn a_log_written_to_while_being_read_is_an_error() {
     };
     let context = ingest::ReadContext { limits: ingest::Limits::default(), cancel: &cancel, on_bytes: &grow };
     let error = ingest::load(&tables(std::slice::from_ref(&path)), &library, None, &context).unwrap_err();
-    assert!(matches!(&error, IngestError::Read(ScanError::Changed { file }) if file == "f.csv"), "{error}");
+    assert!(
+        matches!(&error, IngestError::Log(LogError::Read(ScanError::Changed { file })) if file == "f.csv"),
+        "{error}"
+    );
 }
 
 #[test]
@@ -392,7 +398,7 @@ fn a_wish_to_stop_is_heard() {
     let cancel = std::sync::atomic::AtomicBool::new(true);
     let context = ingest::ReadContext { limits: ingest::Limits::default(), cancel: &cancel, on_bytes: &|_| () };
     let error = ingest::load(&tables(&[path]), &library, None, &context).unwrap_err();
-    assert!(matches!(error, IngestError::Read(ScanError::Cancelled)));
+    assert!(matches!(error, IngestError::Log(LogError::Read(ScanError::Cancelled))));
 }
 
 /// `sensor_msgs/Imu` that looks east at rest, with or without an orientation.

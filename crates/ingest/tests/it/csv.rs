@@ -2,9 +2,9 @@
 
 use crate::support::*;
 use flight::{LogHealth, Severity};
-use ingest::{ColumnData, FieldRequest, IngestError, Limits, Log, Selection, TopicInfo, ValueKind};
+use ingest::{ColumnData, FieldRequest, Limits, Log, LogError, Selection, TopicInfo, ValueKind};
 
-fn read_limited(text: &[u8], selection: &Selection, limits: Limits) -> Result<Log, IngestError> {
+fn read_limited(text: &[u8], selection: &Selection, limits: Limits) -> Result<Log, LogError> {
     let (_folder, path) = file("t.csv", text);
     let want = |_: &TopicInfo| selection.clone();
     let log = read_files(limits, ingest::LogKind::Csv, &[path], &want)?;

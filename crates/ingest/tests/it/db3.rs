@@ -6,7 +6,7 @@ use crate::made::{
 };
 use crate::support::{in_context, real_logs, with_limits};
 use flight::Severity;
-use ingest::{FlightUnit, IngestError, Limits, Log, LogKind, MapLibrary, ScanError, Selection, TopicInfo, discover};
+use ingest::{FlightUnit, Limits, Log, LogError, LogKind, MapLibrary, ScanError, Selection, TopicInfo, discover};
 use rusqlite::{Connection, MAIN_DB, params};
 use simulate::{Container, Db3Compression, Db3Layout, Db3Settings, FlightSettings, McapEncoding, McapSettings};
 use std::fs;
@@ -60,7 +60,7 @@ fn bag(sent: &[Sent], image: usize, pragmas: &str) -> Vec<u8> {
     connection.serialize(MAIN_DB).unwrap().to_vec()
 }
 
-fn read_files(files: &[PathBuf]) -> Result<Log, IngestError> {
+fn read_files(files: &[PathBuf]) -> Result<Log, LogError> {
     let want = |topic: &TopicInfo| if topic.name == FIX { Selection::All } else { Selection::Skip };
     let log = crate::support::read_files(Limits::default(), ingest::LogKind::Db3, files, &want)?;
     assert_balanced(&log);
@@ -68,7 +68,7 @@ fn read_files(files: &[PathBuf]) -> Result<Log, IngestError> {
 }
 
 /// Writes a bag to a new file and reads it.
-fn read(content: &[u8]) -> Result<Log, IngestError> {
+fn read(content: &[u8]) -> Result<Log, LogError> {
     let disk = OnDisk::new(content, false);
     read_files(&[disk.path()])
 }
@@ -843,7 +843,7 @@ fn a_reader_stops_on_request() {
     let stop = |_| cancel.store(true, std::sync::atomic::Ordering::Relaxed);
     let context = ingest::ReadContext { limits: Limits::default(), cancel: &cancel, on_bytes: &stop };
     let result = ingest::read_files(ingest::LogKind::Db3, &[disk.path()], &|_: &TopicInfo| Selection::All, &context);
-    assert!(matches!(result, Err(IngestError::Read(ScanError::Cancelled))));
+    assert!(matches!(result, Err(LogError::Read(ScanError::Cancelled))));
 }
 
 #[test]

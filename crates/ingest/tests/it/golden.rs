@@ -1,7 +1,7 @@
 //! What each test loads, as it was accepted. `FLIGHTLAG_BLESS=1` accepts a change: read the diff.
 
 use flight::{Channel, Notices, Stamp};
-use ingest::{Column, ColumnData, IngestError, Loaded, Log};
+use ingest::{Column, ColumnData, IngestError, Loaded, Log, LogError};
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -15,7 +15,7 @@ pub fn assert_as_accepted(files: &[PathBuf], loaded: &Result<Loaded, IngestError
 }
 
 /// Compares what was read from files with the golden text of the running test.
-pub fn assert_log_as_accepted(files: &[PathBuf], log: &Result<Log, IngestError>) {
+pub fn assert_log_as_accepted(files: &[PathBuf], log: &Result<Log, LogError>) {
     assert_golden(files, &log.as_ref().map_or_else(ToString::to_string, summary_of_log));
 }
 

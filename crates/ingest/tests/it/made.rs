@@ -2,7 +2,7 @@
 
 use crate::support::read_files;
 use flight::Severity;
-use ingest::{ColumnData, IngestError, Limits, Log, LogKind, ReadContext, Select, Selection, Table, TopicInfo};
+use ingest::{ColumnData, Limits, Log, LogError, LogKind, ReadContext, Select, Selection, Table, TopicInfo};
 use mcap::Compression;
 use mcap::records::MessageHeader;
 use std::collections::BTreeMap;
@@ -327,11 +327,11 @@ impl OnDisk {
     }
 
     /// Reads the fixes; the camera is not wanted. Every byte must be accounted for.
-    pub fn read(&self) -> Result<Log, IngestError> {
+    pub fn read(&self) -> Result<Log, LogError> {
         self.read_where(|topic| if topic.name == FIX { Selection::All } else { Selection::Skip })
     }
 
-    pub fn read_where(&self, want: impl Fn(&TopicInfo) -> Selection) -> Result<Log, IngestError> {
+    pub fn read_where(&self, want: impl Fn(&TopicInfo) -> Selection) -> Result<Log, LogError> {
         let kind = if self.is_bag { LogKind::Bag } else { LogKind::Mcap };
         let log = read_files(Limits::default(), kind, &[self.path()], &want)?;
         assert_balanced(&log);
@@ -339,7 +339,7 @@ impl OnDisk {
     }
 }
 
-pub fn read_at(path: PathBuf, is_bag: bool, want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, IngestError> {
+pub fn read_at(path: PathBuf, is_bag: bool, want: &dyn Select, context: &ReadContext<'_>) -> Result<Log, LogError> {
     ingest::read_files(if is_bag { LogKind::Bag } else { LogKind::Mcap }, &[path], want, context)
 }
 

@@ -5,7 +5,7 @@ use crate::made::{
     each_damage, flight, lost, mcap, mcap_with, notice, read_at,
 };
 use crate::support::{in_context, real_logs, with_limits};
-use ingest::{FieldRequest, IngestError, Limits, MapLibrary, ReadContext, ScanError, Selection, TopicInfo, ValueKind};
+use ingest::{FieldRequest, Limits, LogError, MapLibrary, ReadContext, ScanError, Selection, TopicInfo, ValueKind};
 use mcap::records::{MessageHeader, op};
 use serde_json::Value;
 use std::borrow::Cow;
@@ -570,7 +570,7 @@ fn a_chunk_beyond_the_limit_is_rejected_and_the_limit_named() {
     let disk = OnDisk::new(&content, false);
     let limits = Limits { chunk_bytes: 1000, ..Limits::default() };
     let error = with_limits(limits, |c| read_at(disk.path(), false, &|_: &TopicInfo| Selection::All, c)).unwrap_err();
-    assert!(matches!(error, IngestError::Unusable { .. }));
+    assert!(matches!(error, LogError::Unusable { .. }));
     assert!(error.to_string().contains("larger than the limit of 1000"), "{error}");
 }
 
@@ -592,11 +592,11 @@ fn text_named_mcap_is_distinguished_from_a_damaged_log() {
         ("Z\u{fc}rich, 5 May\nWe flew well.\n".as_bytes(), "its first line \"Z\u{fc}rich, 5 May\""),
     ] {
         let error = OnDisk::new(text, false).read().unwrap_err();
-        assert!(matches!(error, IngestError::NotALog { .. }));
+        assert!(matches!(error, LogError::NotALog { .. }));
         assert!(error.to_string().contains("are wrong: it is text") && error.to_string().contains(what), "{error}");
     }
     let error = OnDisk::new(&[b"time,lat\n1.5,47.25\n2.5,47.5\n", &[0x89, 1, 0][..]].concat(), false).read();
-    assert!(matches!(error.unwrap_err(), IngestError::Unusable { .. }));
+    assert!(matches!(error.unwrap_err(), LogError::Unusable { .. }));
 }
 
 fn unchunked_record(opcode: u8, body: &[u8]) -> Vec<u8> {
@@ -670,7 +670,7 @@ fn progress_adds_up_to_the_file_and_a_stop_request_is_honoured() {
     };
     let context = ReadContext { on_bytes: &stop, ..context };
     let result = read_at(disk.path(), false, &|_: &TopicInfo| Selection::Skip, &context);
-    assert!(matches!(result, Err(IngestError::Read(ScanError::Cancelled))));
+    assert!(matches!(result, Err(LogError::Read(ScanError::Cancelled))));
     assert!(reported.load(Ordering::Relaxed) < 2 << 20);
 }
 

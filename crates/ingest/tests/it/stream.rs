@@ -1,19 +1,19 @@
 //! Shared by the tests of formats without an index: reading bytes, every cut and every flip.
 
 use crate::support::*;
-use ingest::{Column, IngestError, Limits, Log, LogKind, Selection, Table, TopicInfo};
+use ingest::{Column, Limits, Log, LogError, LogKind, Selection, Table, TopicInfo};
 use simulate::{Container, FlightSettings, SensorSettings, SimulatedFlight};
 use std::collections::BTreeMap;
 use std::os::unix::fs::FileExt;
 use std::path::Path;
 
-pub fn read(kind: LogKind, path: &Path) -> Result<Log, IngestError> {
+pub fn read(kind: LogKind, path: &Path) -> Result<Log, LogError> {
     let want = |_: &TopicInfo| Selection::All;
     read_files(Limits::default(), kind, &[path.to_owned()], &want)
 }
 
 /// Reads them; the ledger must add up.
-pub fn read_bytes(kind: LogKind, bytes: &[u8]) -> Result<Log, IngestError> {
+pub fn read_bytes(kind: LogKind, bytes: &[u8]) -> Result<Log, LogError> {
     let (_folder, path) = file("log", bytes);
     let log = read(kind, &path);
     log.iter().for_each(|log| assert_balanced(log, bytes.len()));

@@ -1,7 +1,7 @@
 //! Shared by the tests: real logs if present, generated files, and functions to load them.
 
 use flight::{Channel, Geodetic, LocalFrame, Quantity, Severity};
-use ingest::{FlightUnit, IngestError, Limits, Loaded, Log, LogKind, MapLibrary, ReadContext, Select};
+use ingest::{FlightUnit, IngestError, Limits, Loaded, Log, LogError, LogKind, MapLibrary, ReadContext, Select};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
@@ -35,7 +35,7 @@ pub fn suggest(unit: &FlightUnit) -> String {
 }
 
 /// Reads with these limits. What was read is as it was accepted.
-pub fn read_files(limits: Limits, kind: LogKind, files: &[PathBuf], want: &dyn Select) -> Result<Log, IngestError> {
+pub fn read_files(limits: Limits, kind: LogKind, files: &[PathBuf], want: &dyn Select) -> Result<Log, LogError> {
     let log = with_limits(limits, |context| ingest::read_files(kind, files, want, context));
     crate::golden::assert_log_as_accepted(files, &log);
     log

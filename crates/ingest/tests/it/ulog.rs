@@ -5,7 +5,7 @@ use crate::support::*;
 use crate::wire::ulog_begin;
 use flight::{Channel, Clock, Severity, Stamp, StampKind};
 use ingest::{
-    FieldRequest, FlightUnit, IngestError, Limits, Loaded, Log, LogKind, Selection, Table, TopicInfo, ValueKind,
+    FieldRequest, FlightUnit, Limits, Loaded, Log, LogError, LogKind, Selection, Table, TopicInfo, ValueKind,
 };
 use simulate::{
     BenchChannel, BenchSensor, BenchSettings, Container, FlightSettings, LogFile, Pulses, SensorSettings, simulate,
@@ -57,12 +57,12 @@ impl Made {
     }
 }
 
-fn read_with(bytes: &[u8], limits: Limits) -> Result<Log, IngestError> {
+fn read_with(bytes: &[u8], limits: Limits) -> Result<Log, LogError> {
     let (_folder, path) = file("log.ulg", bytes);
     read_path(&path, limits)
 }
 
-fn read_path(path: &Path, limits: Limits) -> Result<Log, IngestError> {
+fn read_path(path: &Path, limits: Limits) -> Result<Log, LogError> {
     let want = |_: &TopicInfo| Selection::All;
     let log = read_files(limits, LogKind::Ulog, &[path.to_owned()], &want)?;
     let b = &log.health.bytes;
@@ -393,7 +393,7 @@ fn a_log_cut_anywhere_gives_the_rows_before_the_cut_and_reports_it() {
                 let reported = loses(&log) || log.health.bytes.tail_cut > 0;
                 assert_eq!(reported, !ends.contains(&cut), "cut at {cut}");
             }
-            Err(IngestError::Unusable { .. } | IngestError::NotALog { .. }) => {
+            Err(LogError::Unusable { .. } | LogError::NotALog { .. }) => {
                 assert!(!ends[1..].contains(&cut), "cut at {cut} between two messages");
             }
             Err(error) => panic!("cut at {cut}: {error}"),
@@ -419,7 +419,7 @@ fn a_flipped_bit_changes_only_its_own_row_and_no_row_is_lost_silently() {
         on_disk.write_all_at(&[byte], at as u64).unwrap();
         let log = match result {
             Ok(log) => log,
-            Err(IngestError::Unusable { .. } | IngestError::NotALog { .. }) if bit / 8 < first_row => continue,
+            Err(LogError::Unusable { .. } | LogError::NotALog { .. }) if bit / 8 < first_row => continue,
             Err(error) => panic!("bit {bit}: {error}"),
         };
         let rows = rows(&log);

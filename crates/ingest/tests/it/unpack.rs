@@ -2,7 +2,7 @@
 
 use crate::made;
 use crate::support::*;
-use ingest::{FlightUnit, IngestError, Limits, Loaded, LogKind, MapLibrary, ScanError};
+use ingest::{FlightUnit, IngestError, Limits, Loaded, LogError, LogKind, MapLibrary, ScanError};
 use std::io::Write;
 use std::path::Path;
 
@@ -289,7 +289,7 @@ fn a_bomb_stops_at_the_limit_and_names_it() {
         let library = MapLibrary::shipped().unwrap();
         let error = with_limits(limits, |context| ingest::load(&unit, &library, None, context)).unwrap_err();
         assert!(
-            matches!(&error, IngestError::Unusable { what, .. } if what.contains("limit of 1048576 bytes")),
+            matches!(&error, IngestError::Log(LogError::Unusable { what, .. }) if what.contains("limit of 1048576 bytes")),
             "{error}"
         );
     }
@@ -313,7 +313,7 @@ fn a_stop_request_is_honoured_while_unpacking() {
     let library = MapLibrary::shipped().unwrap();
     assert!(matches!(
         ingest::load(&tables(&[path]), &library, None, &context),
-        Err(IngestError::Read(ScanError::Cancelled))
+        Err(IngestError::Log(LogError::Read(ScanError::Cancelled)))
     ));
 }
 
