@@ -93,3 +93,17 @@ fn validity(model: &ModelField) -> String {
     let outside = if model.is_valid { "" } else { ", and the day is outside these years" };
     format!("{}, made for {from:.0} to {to:.0}{outside}", model.model)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_place_is_the_first_fix_and_a_log_without_one_has_none() {
+        let flight = simulate::simulate(&simulate::FlightSettings::default()).unwrap().to_flight().unwrap();
+        let place = place_of(&flight).unwrap();
+        let fixes = &flight.channels["position.gps"].series;
+        assert_eq!([place.latitude, place.longitude, place.height], [0, 1, 2].map(|k| fixes.component(k)[0]));
+        assert_eq!(place_of(&Flight::default()), None);
+    }
+}

@@ -1184,6 +1184,12 @@ mod tests {
     }
 
     #[test]
+    fn a_pipeline_without_a_title_is_a_flight_campaign() {
+        assert_eq!(parse(SMALL).unwrap().resolved.title, "Flight campaign");
+        assert_eq!(parse(&format!("title = \"Seoul\"\n{SMALL}")).unwrap().resolved.title, "Seoul");
+    }
+
+    #[test]
     fn a_delay_outside_the_search_range_is_rejected_with_its_line() {
         let error = parse(&SMALL.replace("0.4", "20")).unwrap_err();
         assert_eq!(error.line, Some(3));

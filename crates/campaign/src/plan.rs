@@ -533,3 +533,20 @@ impl Looked {
         self.stamp.as_ref().map(|s| s.bytes).unwrap_or_default()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_most_frequent_reasons_come_first_and_more_than_three_are_counted() {
+        let files =
+            [("a.txt", "text"), ("b.png", "a picture"), ("c.txt", "text"), ("d.zip", "empty"), ("e.exe", "a program")];
+        assert_eq!(why_no_logs(files[..1].iter().copied()), "a.txt: text");
+        let three = why_no_logs(files[..4].iter().copied());
+        assert_eq!(three, "a.txt and 1 more: text; b.png: a picture; d.zip: empty");
+        let four = why_no_logs(files.iter().copied());
+        assert_eq!(four, "a.txt and 1 more: text; b.png: a picture; e.exe: a program; and files with 1 other reason");
+        assert_eq!(why_no_logs([].into_iter()), EMPTY_FOLDER);
+    }
+}

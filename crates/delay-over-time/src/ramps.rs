@@ -165,3 +165,49 @@ fn stairs(d: &Description) -> Vec<Stairs> {
     }
     out
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use DelayTermKind::{Bend, Step};
+
+    fn described(terms: &[(DelayTermKind, f64, f64)]) -> Description {
+        let term = |&(kind, at_s, size): &(DelayTermKind, f64, f64)| Term { kind, at_s, size };
+        Description { level_s: 0.2, terms: terms.iter().map(term).collect() }
+    }
+
+    #[test]
+    fn a_ramp_shorter_than_a_bin_is_a_step_of_its_height_at_its_middle() {
+        let short = described(&[(Step, 5.0, 0.1), (Bend, 20.0, 0.05), (Bend, 21.0, -0.05), (Bend, 60.0, 0.01)]);
+        let found = short_ramps_as_steps(&short, 2.0).unwrap();
+        let terms: Vec<(bool, f64, f64)> =
+            found.terms.iter().map(|t| (t.kind == Step, t.at_s, (1e9 * t.size).round())).collect();
+        assert_eq!(terms, [(true, 5.0, 1e8), (true, 20.5, 5e7), (false, 60.0, 1e7)]);
+        assert_eq!(found.level_s, 0.2);
+    }
+
+    #[test]
+    fn long_ramps_uneven_ramps_and_steps_stay() {
+        for terms in [
+            [(Bend, 20.0, 0.05), (Bend, 24.0, -0.05)],
+            [(Bend, 20.0, 0.05), (Bend, 21.0, -0.03)],
+            [(Bend, 20.0, 0.05), (Bend, 21.0, 0.05)],
+            [(Step, 20.0, 0.05), (Step, 21.0, -0.05)],
+            [(Step, 20.0, 0.05), (Bend, 21.0, -0.05)],
+        ] {
+            assert!(short_ramps_as_steps(&described(&terms), 2.0).is_none(), "{terms:?}");
+        }
+    }
+
+    #[test]
+    fn stairs_are_runs_of_steps_in_one_direction() {
+        let up = described(&[(Step, 10.0, 0.1), (Step, 20.0, 0.2), (Step, 30.0, 0.1), (Step, 50.0, -0.3)]);
+        let found = stairs(&up);
+        assert_eq!(found.len(), 1, "one step alone is no ramp");
+        let ramp = &found[0];
+        assert_eq!((ramp.from_s, ramp.to_s, ramp.spacing_s, ramp.falls_s), (10.0, 30.0, 10.0, Some(50.0)));
+        assert!((ramp.height_s - 0.4).abs() < 1e-12);
+        assert_eq!(up.terms.iter().map(|t| ramp.has(t)).collect::<Vec<_>>(), [true, true, true, false]);
+        assert!(!ramp.has(&Term { kind: Bend, at_s: 20.0, size: 0.1 }));
+    }
+}

@@ -71,6 +71,13 @@ mod tests {
     }
 
     #[test]
+    fn a_log_that_always_arrives_in_bursts_has_none_to_report() {
+        let t: Vec<f64> = (0..100).map(|k| f64::from(k / 5) + 1e-3 * f64::from(k % 5)).collect();
+        let found = queued(&t, 0.2);
+        assert!(found.bursts.is_empty() && !found.rows.contains(&true));
+    }
+
+    #[test]
     fn regular_pairs_in_a_log_are_not_bursts() {
         let t: Vec<f64> = (0..100).map(|k| 0.2 * f64::from(k / 2) + 0.01 * f64::from(k % 2)).collect();
         let found = queued(&t, 0.1);

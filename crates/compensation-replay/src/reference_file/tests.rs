@@ -166,3 +166,12 @@ fn a_shared_clock_contradicted_by_the_motion_is_refused_with_the_gap() {
         other => panic!("{other:?}"),
     }
 }
+
+#[test]
+fn the_rms_speed_is_of_both_axes_and_of_the_samples_inside() {
+    let motion =
+        Motion { t: vec![0.0, 1.0, 2.0, 3.0], north: vec![90.0, 3.0, 0.0, 90.0], east: vec![90.0, 4.0, 1.0, 90.0] };
+    assert_eq!(motion.rms_between((1.0, 1.5)), Some(5.0));
+    assert_eq!(motion.rms_between((1.0, 2.0)), Some(13f64.sqrt()));
+    assert_eq!(motion.rms_between((2.5, 2.9)), None);
+}

@@ -92,6 +92,19 @@ mod tests {
     }
 
     #[test]
+    fn a_date_that_misses_two_midnights_and_then_runs_a_day_behind_is_corrected_by_what_is_missing() {
+        // Two days and a half, once a minute. The date stays the first until noon of the last day, then it is one behind.
+        let noon = 2 * DAY_NS + DAY_NS / 2;
+        let truth: Vec<i64> = (0..3600).map(|minute| 60 * S * minute).collect();
+        let shown = |stamp: &i64| if *stamp < noon { 0 } else { 1 };
+        let days: Vec<Option<i64>> = truth.iter().map(|stamp| Some(shown(stamp))).collect();
+        let mut stamps: Vec<Option<i64>> =
+            truth.iter().map(|stamp| Some(stamp % DAY_NS + shown(stamp) * DAY_NS)).collect();
+        assert_eq!(redate_days(&mut stamps, &days), 3600 - 1440);
+        assert_eq!(stamps, truth.into_iter().map(Some).collect::<Vec<_>>());
+    }
+
+    #[test]
     fn late_undated_and_correct_rows_at_midnight_change_nothing_else() {
         let truth = flight(86_390, 30);
         let (mut same, days) = truth.clone();

@@ -101,3 +101,21 @@ pub(super) fn compare(plan: &Plan<'_>, stated: &[StatedUnit], notices: &mut Noti
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_unit_in_brackets_is_of_the_name_unless_the_line_of_units_has_it_too() {
+        let head = |units: &[&str]| TableHead {
+            topic: "csv".into(),
+            names: vec!["t".into(), "speed [kn]".into()],
+            units: units.iter().map(|unit| (*unit).to_owned()).collect(),
+        };
+        assert!(is_of_name(&head(&[]), "speed [kn]", "kn"));
+        assert!(!is_of_name(&head(&[]), "speed [kn]", "m/s"), "the unit is that of another place");
+        assert!(!is_of_name(&head(&["s", "kn"]), "speed [kn]", "kn"), "the line of units says it as well");
+        assert!(!is_of_name(&head(&["s", "kn"]), "speed", "kn"));
+    }
+}

@@ -564,3 +564,18 @@ pub(super) fn plausible_height(table: &Table, height: &Named, angle: Unit) -> (O
     }
     (None, Some(format!("{path} is not used: it reaches {most:.0}, too high for metres, and its unit is unknown")))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn axes_are_described_by_their_order_and_signs() {
+        let of = |swapped, signs| described(Match { swapped, signs, scale: 1.0, agreement: 1.0 });
+        assert_eq!(of(false, [1.0, 1.0]), "the same axes");
+        assert_eq!(of(true, [1.0, 1.0]), "exchanged axes");
+        for signs in [[1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]] {
+            assert_eq!(of(false, signs), "the same axes with other signs");
+        }
+    }
+}

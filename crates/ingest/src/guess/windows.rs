@@ -258,6 +258,14 @@ mod tests {
     }
 
     #[test]
+    fn a_trace_keeps_the_times_of_the_rows_that_it_keeps() {
+        let mut trace = Trace::new((0..6).map(|i| (f64::from(i), [f64::from(i * i)])).collect());
+        trace.retain(|[value]| *value != 4.0 && *value != 25.0);
+        assert_eq!(trace.times_s, [0.0, 1.0, 3.0, 4.0]);
+        assert_eq!(trace.values, [[0.0], [1.0], [9.0], [16.0]]);
+    }
+
+    #[test]
     fn simulated_axes_signs_scale_and_delay_are_recovered() {
         let (position, mut velocity) = flight(0.4);
         for v in &mut velocity.values {

@@ -183,3 +183,22 @@ fn figure(
         fine: false,
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_are_letters_and_after_z_numbers() {
+        assert_eq!([0, 1, 25, 26, 300].map(letter), ["A", "B", "Z", "27", "301"]);
+    }
+
+    #[test]
+    fn a_quarter_turn_about_y_takes_down_to_forward() {
+        let is = |(x, z): (f64, f64), expected: (f64, f64)| (x - expected.0).abs() + (z - expected.1).abs() < 1e-12;
+        let quarter = std::f64::consts::FRAC_PI_2;
+        assert!(is(turned([0.0, 9.0, 2.0], quarter), (2.0, 0.0)));
+        assert!(is(turned([3.0, 9.0, 0.0], quarter), (0.0, 3.0)));
+        assert!(is(turned([3.0, 9.0, 2.0], 0.0), (3.0, -2.0)), "down becomes up");
+    }
+}
