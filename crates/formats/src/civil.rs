@@ -139,7 +139,8 @@ pub(crate) fn iso_to_unix_ns(text: &str) -> Option<i64> {
     local_to_unix_ns(text, "Z")
 }
 
-/// As [`iso_to_unix_ns`]; an instant without a zone has the given offset from UTC.
+/// An ISO 8601 instant in ns of UTC; one without a zone has the given offset from UTC. The date may also be
+/// `2024/05/10` or `10.05.2024`.
 pub fn local_to_unix_ns(text: &str, offset: &str) -> Option<i64> {
     let text = text.trim();
     let at = break_of(text)?;

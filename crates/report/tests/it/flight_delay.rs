@@ -2,7 +2,7 @@
 
 use crate::fixture::{failed_record, flight_record, parked_record};
 use crate::html::read;
-use record::{Finding, FlightRecord, MeasuredDelay};
+use record::{DelayPairKind, Finding, FlightRecord, MeasuredDelay};
 use report::{FlightPage, flight_site};
 
 fn page(record: &FlightRecord) -> String {
@@ -166,4 +166,38 @@ fn a_flood_of_pairs_windows_and_pieces_is_truncated_and_counted() {
     assert_eq!(html.matches("and 4\u{202f}960 more").count(), 2);
     assert!(html.contains("and 4\u{202f}963 more") && html.contains("and 14\u{202f}960 more"));
     assert!(html.contains("Not drawn, but in the record: 4\u{202f}701."));
+}
+
+#[test]
+fn the_page_rules_out_only_anomalies_that_were_looked_for() {
+    let said = |change: fn(&mut FlightRecord)| {
+        let mut record = flight_record();
+        record.log.as_mut().unwrap().damage.clear();
+        record.binding = None;
+        record.replay.as_mut().unwrap().coverage.position_resets = 0;
+        record.delays.as_mut().unwrap().pairs.iter_mut().for_each(|pair| pair.varies = None);
+        change(&mut record);
+        let html = page(&record);
+        let section = html.split("<h2 id=\"anomalies\">").nth(1).unwrap().split("<h2").next().unwrap().to_owned();
+        words(&section)
+    };
+    let fitted = said(|_| ());
+    assert!(fitted.contains("None: no gap, no damage, no position reset."), "{fitted}");
+    let unknown = said(|record| {
+        let delay = &mut record.delays.as_mut().unwrap().pairs[0].delay;
+        *delay = Finding::CannotTell("the vehicle hardly moved".into());
+    });
+    assert!(unknown.contains("None: no gap, no damage."), "{unknown}");
+}
+
+#[test]
+fn the_segments_of_a_velocity_against_an_acceleration_drift_in_its_units() {
+    let mut record = flight_record();
+    let pair = &mut record.delays.as_mut().unwrap().pairs[0];
+    assert_eq!(pair.kind, DelayPairKind::PositionAgainstVelocity);
+    let unit = |record: &FlightRecord| words(&page(record)).contains("drift in m/s² (± U, k = 2), noise (σ) in m/s");
+    pair.kind = DelayPairKind::VelocityAgainstAcceleration;
+    assert!(unit(&record));
+    record.delays.as_mut().unwrap().pairs[0].kind = DelayPairKind::PositionAgainstVelocity;
+    assert!(words(&page(&record)).contains("drift in m/s (± U, k = 2), noise (σ) in m"));
 }
