@@ -6,7 +6,7 @@
 use crate::gap::Hidden;
 use crate::kinematics::BarState;
 use crate::motion::Motion;
-use signal::{Regression, regress};
+use signal::{Regression, least_between, orthonormal, regress, residuals_of, sum_of_squares};
 
 /// Functions of the bar's motion that make up a component.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -88,6 +88,7 @@ pub(crate) struct PatternFit {
 const GRID_SAMPLES: usize = 400;
 const REFINED_SAMPLES: usize = 2000;
 const GRID_STEP_S: f64 = 0.02;
+const REFINED_TO_S: f64 = 2e-5;
 /// Of all minima whose residual variance is within this factor of the smallest, and that explain nine tenths of what
 /// the best explains, the one with the smallest delay is taken: a regular swing repeats after each half period.
 const NEARLY_AS_GOOD: f64 = 1.1;
@@ -153,7 +154,7 @@ fn best_delay(motion: &Motion, samples: &Samples, pattern: Pattern, (from, to): 
     let step = (to - from) / steps as f64;
     let minima: Vec<(f64, f64)> = (0..delays.len())
         .filter(|&k| is_minimum(&misfit, k))
-        .map(|k| refined(|d| self::misfit(motion, &coarse, pattern, d), delays[k], step))
+        .map(|k| least_between(|d| self::misfit(motion, &coarse, pattern, d), around(delays[k], step), REFINED_TO_S))
         .collect();
     let least = minima.iter().map(|m| m.1).fold(least, f64::min);
     let flat = coarse.components.iter().map(|c| variance(c).max(f64::MIN_POSITIVE).ln()).sum::<f64>()
@@ -161,7 +162,12 @@ fn best_delay(motion: &Motion, samples: &Samples, pattern: Pattern, (from, to): 
     let limit = least + NEARLY_AS_GOOD.ln().min(LEAST_SHARE_LOST * (flat - least).max(0.0));
     let near = minima.iter().filter(|m| m.1 <= limit).min_by(|a, b| a.0.abs().total_cmp(&b.0.abs()))?.0;
     let fine = thinned(motion, samples, REFINED_SAMPLES, (from, to));
-    Some(refined(|d| self::misfit(motion, &fine, pattern, d), near, 0.25 * step).0)
+    let refined = least_between(|d| self::misfit(motion, &fine, pattern, d), around(near, 0.25 * step), REFINED_TO_S);
+    Some(refined.0)
+}
+
+fn around(middle: f64, half: f64) -> (f64, f64) {
+    (middle - half, middle + half)
 }
 
 fn is_minimum(misfit: &[f64], k: usize) -> bool {
@@ -200,55 +206,11 @@ fn misfit(motion: &Motion, samples: &Samples, pattern: Pattern, delay_s: f64) ->
             column.push(value);
         }
     }
-    let basis = orthonormal(columns);
+    let basis = orthonormal(&columns);
     let log_rest = |component: &Vec<f64>| {
-        let all = dot(component, component);
-        let explained: f64 = basis.iter().map(|q| dot(q, component).powi(2)).sum();
+        let rest = sum_of_squares(&residuals_of(component, &basis));
         // A channel without noise must not produce an infinite logarithm.
-        ((all - explained).max(1e-14 * all) / n as f64).max(f64::MIN_POSITIVE).ln()
+        (rest.max(1e-14 * sum_of_squares(component)) / n as f64).max(f64::MIN_POSITIVE).ln()
     };
     samples.components.iter().map(log_rest).sum::<f64>() / samples.components.len().max(1) as f64
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
-/// Modified Gram–Schmidt; skips columns that the others already span.
-fn orthonormal(columns: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
-    const SPANNED: f64 = 1e-7;
-    let mut basis: Vec<Vec<f64>> = vec![];
-    for mut column in columns {
-        let before = dot(&column, &column).sqrt();
-        for q in &basis {
-            let along = dot(q, &column);
-            column.iter_mut().zip(q).for_each(|(c, q)| *c -= along * q);
-        }
-        let after = dot(&column, &column).sqrt();
-        if after > SPANNED * before {
-            column.iter_mut().for_each(|c| *c /= after);
-            basis.push(column);
-        }
-    }
-    basis
-}
-
-/// The minimum within one `step` of `start`, to a twentieth of a millisecond (golden section), and the objective there.
-fn refined(objective: impl Fn(f64) -> f64, start: f64, step: f64) -> (f64, f64) {
-    const SHARE: f64 = 0.618_033_988_749_894_9;
-    let (mut low, mut high) = (start - step, start + step);
-    let (mut a, mut b) = (high - SHARE * (high - low), low + SHARE * (high - low));
-    let (mut at_a, mut at_b) = (objective(a), objective(b));
-    while high - low > 5e-5 {
-        if at_a <= at_b {
-            (high, b, at_b) = (b, a, at_a);
-            a = high - SHARE * (high - low);
-            at_a = objective(a);
-        } else {
-            (low, a, at_a) = (a, b, at_b);
-            b = low + SHARE * (high - low);
-            at_b = objective(b);
-        }
-    }
-    if at_a <= at_b { (a, at_a) } else { (b, at_b) }
 }

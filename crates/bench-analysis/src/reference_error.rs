@@ -130,8 +130,8 @@ impl ReferenceErrors {
         let response = GainResponse::of(measurement, component, fit.delay_s)?;
         let bent = |t: &f64| {
             let instant = t - fit.delay_s;
-            let slope = by.at(instant);
-            let Some((slope, [_, _, acceleration, jerk])) = slope.zip(self.once.at(instant)) else { return 0.0 };
+            let (slope, state) = (by.at(instant), self.once.at(instant));
+            let (Some(slope), Some([_, _, acceleration, jerk])) = (slope, state) else { return 0.0 };
             -self.sign * (slope[0] * acceleration + slope[1] * jerk)
         };
         let omega2 = response.shift(&component.t_used.iter().map(bent).collect::<Vec<f64>>())?;
@@ -140,7 +140,7 @@ impl ReferenceErrors {
 
     /// Error of a reference at `t`.
     fn error(&self, draw: &SmoothedMotion, by: &Sensitivity<'_>, t: f64) -> f64 {
-        let Some((slope, error)) = by.at(t).zip(draw.at(t)) else { return 0.0 };
+        let (Some(slope), Some(error)) = (by.at(t), draw.at(t)) else { return 0.0 };
         self.sign * (slope[0] * error[0] + slope[1] * error[1] + slope[2] * error[2])
     }
 }

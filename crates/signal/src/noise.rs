@@ -2,6 +2,7 @@
 
 use crate::log_product::LogProduct;
 use crate::minimise::{Lowest, Tolerance, nelder_mead};
+use crate::projection::orthonormal;
 use crate::whiten::NoiseModel;
 
 /// What is known about the noise before a fit.
@@ -92,12 +93,7 @@ impl NoiseProblem {
         residuals: &[f64],
         weights: Option<(&[f64], f64)>,
     ) -> NoiseProblem {
-        let mut basis: Vec<Vec<f64>> = vec![];
-        for regressor in regressors.iter().take(MOST_COLUMNS - 1) {
-            if let Some(q) = orthonormal_to(regressor, &basis) {
-                basis.push(q);
-            }
-        }
+        let basis = orthonormal(&regressors[..regressors.len().min(MOST_COLUMNS - 1)]);
         let columns = basis.len() + 1;
         let rows = (0..t.len()).flat_map(|k| basis.iter().map(move |q| q[k]).chain([residuals[k]])).collect();
         NoiseProblem {
@@ -529,42 +525,6 @@ fn decay(x: f64) -> f64 {
     }
 }
 
-/// `column` minus its projections on the orthonormal `basis`, of length 1; `None` if almost nothing remains.
-pub(crate) fn orthonormal_to(column: &[f64], basis: &[Vec<f64>]) -> Option<Vec<f64>> {
-    let size = dot(column, column).sqrt();
-    let mut rest = column.to_vec();
-    for _ in 0..2 {
-        basis.iter().for_each(|q| remove(&mut rest, q));
-    }
-    let left = dot(&rest, &rest).sqrt();
-    (left > 1e-10 * size).then(|| {
-        rest.iter_mut().for_each(|x| *x /= left);
-        rest
-    })
-}
-
-/// Removes the projection on the unit vector `q` from `column`.
-pub(crate) fn remove(column: &mut [f64], q: &[f64]) {
-    let along = dot(column, q);
-    for (x, q) in column.iter_mut().zip(q) {
-        *x -= along * q;
-    }
-}
-
-/// Scalar product, as four sums that can run in parallel.
-pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let (a4, a_rest) = a.as_chunks::<4>();
-    let (b4, b_rest) = b.as_chunks::<4>();
-    let mut sums = [0.0; 4];
-    for (x, y) in a4.iter().zip(b4) {
-        for j in 0..4 {
-            sums[j] += x[j] * y[j];
-        }
-    }
-    let rest: f64 = a_rest.iter().zip(b_rest).map(|(x, y)| x * y).sum();
-    (sums[0] + sums[1]) + (sums[2] + sums[3]) + rest
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -589,7 +549,7 @@ mod tests {
                 let mut whitened = column(0.3);
                 filter.apply([&mut whitened]);
                 let (gram, log_det) = problem.known(&noise);
-                let expected = dot(&whitened, &whitened);
+                let expected = crate::projection::sum_of_squares(&whitened);
                 assert!((gram.0[0][0] / expected - 1.0).abs() < 1e-11, "{} {expected}", gram.0[0][0]);
                 assert!((log_det - filter.log_det).abs() < 1e-9 * log_det.abs().max(1.0));
             }

@@ -4,9 +4,9 @@
 mod backward;
 mod chain;
 mod filter;
-mod smoothing_search;
 
 use crate::hermite;
+use crate::minimise::least_between;
 use backward::smooth_back;
 use chain::{Matrix, Symmetric, Transition, full, process_noise, symmetric_part, with_variances_not_negative};
 use filter::{Filtered, Score, Series};
@@ -244,13 +244,9 @@ impl Scaled {
             filtered.run(&self.series, self.rho(log10_q), false);
             filtered.minus_two_log_likelihood
         };
-        let likely = smoothing_search::least(&mut minus_two_log_likelihood, low, high, 0.1);
-        smoothing_search::least(
-            |x| self.score(&mut filtered, x).log_gcv(self.series.z.len()),
-            (likely - 4.0).max(low),
-            likely + 1.5,
-            0.01,
-        )
+        let (likely, _) = least_between(&mut minus_two_log_likelihood, (low, high), 0.1);
+        let log_gcv = |x| self.score(&mut filtered, x).log_gcv(self.series.z.len());
+        least_between(log_gcv, ((likely - 4.0).max(low), likely + 1.5), 0.01).0
     }
 
     fn score(&self, filtered: &mut Filtered, log10_q: f64) -> Score {

@@ -7,6 +7,7 @@ use crate::compensator::CompensatorKind;
 use crate::estimate::{EXACT_ASYNC, Positions};
 use crate::horizontal::AXES;
 use record::{Estimate, Finding, Hysteresis, OppositePasses, StraightLegs, StraightScore};
+use signal::{orthonormal, residuals_of};
 use std::collections::BTreeMap;
 
 /// Along-track distance ahead of raw over the displacement in a second: `Td · Σ d·w / Σ w·w` with `d` = output − raw
@@ -288,23 +289,10 @@ fn scatter_across(updates: &Updates, track: &Positions, run: &std::ops::Range<us
     let (from, to) = (updates.t(run.start), updates.t(run.end - 1));
     let t: Vec<f64> = run.clone().map(|i| 2.0 * (updates.t(i) - from) / (to - from) - 1.0).collect();
     let origin = updates.at(track, run.start);
-    let mut y: Vec<f64> =
+    let y: Vec<f64> =
         run.clone().map(|i| to_the_right(heading, minus(updates.at(track, i), origin)) / length(heading)).collect();
-    // Gram–Schmidt over 1, t, t².
-    let mut basis: Vec<Vec<f64>> = vec![];
-    for power in 0..3 {
-        let mut b: Vec<f64> = t.iter().map(|t| t.powi(power)).collect();
-        for q in &basis {
-            let share: f64 = b.iter().zip(q).map(|(b, q)| b * q).sum();
-            b.iter_mut().zip(q).for_each(|(b, q)| *b -= share * q);
-        }
-        let size = b.iter().map(|b| b * b).sum::<f64>().sqrt();
-        b.iter_mut().for_each(|b| *b /= size);
-        let share: f64 = y.iter().zip(&b).map(|(y, b)| y * b).sum();
-        y.iter_mut().zip(&b).for_each(|(y, b)| *y -= share * b);
-        basis.push(b);
-    }
-    y
+    let powers = [0, 1, 2].map(|power| t.iter().map(|t| t.powi(power)).collect());
+    residuals_of(&y, &orthonormal(&powers))
 }
 
 /// A finding, or the reason for none.

@@ -4,8 +4,6 @@
 const EXACT_UP_TO: usize = 30;
 /// Points of the grid that brackets the minimum of the REML objective.
 const GRID: usize = 64;
-/// Steps of the golden section within the bracket: 0.618⁴⁵ of its width remains.
-const GOLDEN_STEPS: usize = 45;
 
 /// Values with the variances of their own errors.
 #[derive(Debug, Clone)]
@@ -129,7 +127,7 @@ impl Sample {
         0.5 * (logs + sums.weight.ln() + sums.q)
     }
 
-    /// τ that maximises the restricted likelihood: a grid brackets it, then a golden-section search.
+    /// τ that maximises the restricted likelihood: a grid brackets it.
     fn tau_reml(&self) -> f64 {
         let count = self.len() as f64;
         let mean = self.values.iter().sum::<f64>() / count;
@@ -141,34 +139,15 @@ impl Sample {
             .map(|i| (i, self.objective(step * i as f64)))
             .fold((0, at_zero), |best, next| if next.1 < best.1 { next } else { best });
         let bracket = (step * best.saturating_sub(1) as f64, step * (best + 1) as f64);
-        let (tau, value) = golden_section(|tau| self.objective(tau), bracket);
-        if value < at_zero { tau } else { 0.0 }
+        let (tau, value) = signal::least_between(|tau| self.objective(tau), bracket, 1e-9 * step);
+        // Rounding must not decide between zero and next to nothing.
+        if at_zero - value > 1e-12 * (1.0 + at_zero.abs()) { tau } else { 0.0 }
     }
 }
 
 fn mean_of(sums: Sums, count: usize, tau: Option<f64>) -> Mean {
     let factor = if count > 1 { (sums.q / (count - 1) as f64).max(1.0) } else { 1.0 };
     Mean { count, mean: sums.mean, se: (factor / sums.weight).sqrt(), tau }
-}
-
-/// Minimum between two points of a function that is unimodal there.
-fn golden_section(f: impl Fn(f64) -> f64, (mut low, mut high): (f64, f64)) -> (f64, f64) {
-    let ratio = 0.5 * (5.0_f64.sqrt() - 1.0);
-    let inner = |low: f64, high: f64| (high - ratio * (high - low), low + ratio * (high - low));
-    let (mut a, mut b) = inner(low, high);
-    let (mut fa, mut fb) = (f(a), f(b));
-    for _ in 0..GOLDEN_STEPS {
-        if fa < fb {
-            (high, b, fb) = (b, a, fa);
-            a = inner(low, high).0;
-            fa = f(a);
-        } else {
-            (low, a, fa) = (a, b, fb);
-            b = inner(low, high).1;
-            fb = f(b);
-        }
-    }
-    if fa < fb { (a, fa) } else { (b, fb) }
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! The used rows of one component, whitened, and the linear part of the fit.
 
 use super::{Gain, Measurement, Sign};
-use crate::noise::{dot, orthonormal_to, remove};
+use crate::projection::{dot, orthonormal_to, remove};
 use crate::whiten::{NoiseModel, WhiteningFilter};
 
 /// The nonlinear parameters.

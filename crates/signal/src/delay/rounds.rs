@@ -9,7 +9,8 @@ use super::{
     ComponentFit, DelayError, DelayFit, DelaySettings, DelayStart, FoundNoise, Gain, LEAST_SAMPLES, Measurement,
     OtherMinimum, Uncertain,
 };
-use crate::noise::{NoiseFit, NoiseProblem, NoiseRule, orthonormal_to};
+use crate::noise::{NoiseFit, NoiseProblem, NoiseRule};
+use crate::projection::{dot, orthonormal, residuals_of};
 use crate::whiten::{NoiseModel, WhiteningFilter};
 
 /// Huber's constant: 95 % as efficient as least squares without outliers.
@@ -428,13 +429,9 @@ fn whitened_residuals(
     let filter = WhiteningFilter::new(&block.t, noise, weights);
     let mut residuals = residuals.to_vec();
     filter.apply([&mut residuals]);
-    let mut basis: Vec<Vec<f64>> = vec![];
-    for mut column in nuisance_columns(&block.t, m.drift, alignment.middle_s) {
-        filter.apply([&mut column]);
-        basis.extend(orthonormal_to(&column, &basis));
-    }
-    basis.iter().for_each(|q| crate::noise::remove(&mut residuals, q));
-    residuals
+    let mut nuisance = nuisance_columns(&block.t, m.drift, alignment.middle_s);
+    nuisance.iter_mut().for_each(|column| filter.apply([column]));
+    residuals_of(&residuals, &orthonormal(&nuisance))
 }
 
 /// Coefficients of `y` on one or two `columns` after whitening.
@@ -445,11 +442,10 @@ fn regress_whitened(filter: &WhiteningFilter, columns: &[Vec<f64>], y: &[f64]) -
         column
     };
     let (columns, y): (Vec<Vec<f64>>, Vec<f64>) = (columns.iter().map(|c| whitened(c)).collect(), whitened(y));
-    let product = |a: &[f64], b: &[f64]| crate::noise::dot(a, b);
-    let aa = product(&columns[0], &columns[0]);
-    let ay = product(&columns[0], &y);
+    let aa = dot(&columns[0], &columns[0]);
+    let ay = dot(&columns[0], &y);
     let Some(second) = columns.get(1) else { return vec![ay / aa] };
-    let (ab, bb, by) = (product(&columns[0], second), product(second, second), product(second, &y));
+    let (ab, bb, by) = (dot(&columns[0], second), dot(second, second), dot(second, &y));
     let slope = (by - ab * ay / aa) / (bb - ab * ab / aa);
     vec![(ay - ab * slope) / aa, slope]
 }

@@ -304,7 +304,7 @@ fn influence(
 
 /// Σ s² + 2 Σ_l (1 − l/(lags + 1)) Σ s_k s_{k−l}: the variance of the sum of a series (Newey and West 1987).
 pub(crate) fn bartlett_sum(series: &[f64], lags: usize) -> f64 {
-    let at = |lag: usize| -> f64 { crate::noise::dot(&series[lag..], &series[..series.len() - lag]) };
+    let at = |lag: usize| -> f64 { crate::projection::dot(&series[lag..], &series[..series.len() - lag]) };
     let lags_here = lags.min(series.len().saturating_sub(1));
     at(0) + (1..=lags_here).map(|l| 2.0 * (1.0 - l as f64 / (lags + 1) as f64) * at(l)).sum::<f64>()
 }
@@ -314,7 +314,7 @@ pub(crate) fn bartlett_sum(series: &[f64], lags: usize) -> f64 {
 fn bartlett_degrees_of_freedom(series: &[f64], lags: usize) -> f64 {
     let squares: Vec<f64> = series.iter().map(|s| s * s).collect();
     let total: f64 = squares.iter().sum();
-    let at = |lag: usize| -> f64 { crate::noise::dot(&squares[lag..], &squares[..squares.len() - lag]) };
+    let at = |lag: usize| -> f64 { crate::projection::dot(&squares[lag..], &squares[..squares.len() - lag]) };
     let weight = |l: usize| 1.0 - l as f64 / (lags + 1) as f64;
     let last = lags.min(series.len().saturating_sub(1));
     let variance = at(0) * 2.0 / 3.0 + (1..=last).map(|l| 4.0 * weight(l).powi(2) * at(l)).sum::<f64>();

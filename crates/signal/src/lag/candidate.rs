@@ -4,7 +4,8 @@ use super::lagged::LaggedReference;
 use super::{DISTINGUISHED, LagCandidate, LagModel};
 use crate::delay::block::{Block, MOST_CURVED, Normal, middle, nuisance_columns};
 use crate::delay::{DelayFit, DelaySettings, Gain, Measurement, Uncertain};
-use crate::noise::{BestNoise, NoiseProblem, NoiseRule, orthonormal_to, remove};
+use crate::noise::{BestNoise, NoiseProblem, NoiseRule};
+use crate::projection::{orthonormal_to, remove};
 use crate::whiten::NoiseModel;
 
 /// Grid of the lagged references, s.
