@@ -19,7 +19,7 @@ use crate::rig::Rig;
 use crate::sensed::{Circumstances, SensedChannel, SensedComponent};
 use crate::surroundings::{Surroundings, place_of};
 use flight::with_minus;
-use flight::{Clock, Code, Flight, Notices, Quantity, Stamp};
+use flight::{Channel, Clock, Code, Flight, Notices, Quantity, Stamp};
 use jiff::civil::Date;
 use record::{
     BenchFindings, ChannelDynamics, ClockFinding, ComponentDynamics, Estimate, Finding, GateCheck, ReferenceFinding,
@@ -92,6 +92,7 @@ pub fn bench(input: &BenchInput<'_>, rig: &Rig) -> Result<Bench, BenchRefusal> {
     let raw = smoothed(encoder_name, series)?;
     let tied = tied(input, &raw, clock, rig)?;
     notices.extend(tied.notices.clone());
+    report_other_stamps(encoder, &tied, &mut notices);
     let day = day_of(input, rig);
     let (around, surroundings_notices) = Surroundings::of(rig, place_of(input.sensor), day);
     notices.extend(surroundings_notices);
@@ -178,6 +179,20 @@ fn tied(input: &BenchInput<'_>, raw: &Motion, clock: Clock, rig: &Rig) -> Result
     let (t_s, rate): (Vec<f64>, Vec<f64>) = raw.states().map(|(t, state)| (t, state.rate)).unzip();
     let encoder = EncoderRate { clock, origin: raw.origin(), t_s: &t_s, rate: &rate };
     tie(input.sensor, encoder, rig, input.one_log).map_err(BenchRefusal::Clock)
+}
+
+/// Reports channels whose timestamps are of another kind than the encoder's: the difference is part of their delays.
+fn report_other_stamps(encoder: &Channel, tied: &Tied, notices: &mut Notices) {
+    let kind = encoder.series.timeline().kind();
+    let others: Vec<&str> =
+        tied.times.iter().filter(|(_, time)| time.kind != kind).map(|(name, _)| name.as_str()).collect();
+    if tied.basis == TimeBasis::OneClock && !others.is_empty() {
+        let text = format!(
+            "the encoder has {kind} timestamps, other than {}: the delays include what lies between the two kinds",
+            others.join(", ")
+        );
+        notices.push(Code::Assumption, "timestamps", others.len() as u64, text);
+    }
 }
 
 /// UTC day of the first UTC timestamp; the day of the rig file as fallback.

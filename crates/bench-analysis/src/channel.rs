@@ -3,7 +3,7 @@
 use crate::constancy::{Constancy, constancy};
 use crate::curves::component_curves;
 use crate::injection::{inject, not_injected};
-use crate::lag_words::{model, with_model};
+use crate::lag_words::{model, with_lag, with_model};
 use crate::no_answer::{ambiguous_with, no_answer};
 use crate::overlay::Laid;
 use crate::reference_error::{Sensitivity, with_reference};
@@ -64,6 +64,7 @@ pub(crate) fn dynamics(channel: &SensedChannel<'_>, bench: &Circumstances<'_>) -
     let delay = delay_finding(channel, bench, &updates, &fit, beyond);
     found.predicted_s = Some(fit.crlb_s);
     (found.verdict, found.reason) = judge(bench, channel, &updates, &fit, &delay);
+    found.verdict = with_lag(found.verdict, found.model.found(), delay.strict_margin_s);
     found.reason = with_change(found.reason, change_s.and(finding.found()));
     found.reason = with_model(&found.reason, fit.delay_s, found.model.found());
     found.rejected.extend(unused(&updates, &fit));
@@ -284,7 +285,8 @@ fn in_gaps(updates: &Updates) -> Option<RejectCount> {
 fn unused(updates: &Updates, fit: &DelayFit) -> Vec<RejectCount> {
     let used = fit.components.iter().map(|c| c.used_rows.len()).min().unwrap_or(0);
     let outside = updates.t.len().saturating_sub(used);
-    let first = fit.components.first().and_then(|c| (0..).find(|row| !c.used_rows.contains(row))).unwrap_or(0);
+    let used_rows = fit.components.first().map_or(&[][..], |c| &c.used_rows);
+    let first = (0..used_rows.len()).find(|&row| used_rows[row] != row).unwrap_or(used_rows.len());
     (outside > 0)
         .then(|| RejectCount {
             reason: "the row's true time is outside the part of the encoder's record that is used".to_owned(),

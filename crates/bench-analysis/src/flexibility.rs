@@ -2,7 +2,7 @@
 
 use crate::alignment::estimate;
 use flight::with_minus;
-use record::{Estimate, Finding, Flexibility};
+use record::{Estimate, Finding, Flexibility, MountCheck};
 
 /// Modal factor Γ of tip deflection against root rotation, for any tip mass from zero up: 1.1377 to 1.
 const GAMMA: (f64, f64) = (1.0, 1.1377);
@@ -10,6 +10,8 @@ const GAMMA: (f64, f64) = (1.0, 1.1377);
 const KAPPA: (f64, f64) = (1.3765, 1.5);
 /// Number of standard uncertainties by which a gain must differ from one to indicate bending.
 const CLEAR: f64 = 3.0;
+/// Share of the excess of a gain by which it may differ from that of the stated first mode: 10 % of that frequency.
+const MODE_TOLERANCE: f64 = 0.2;
 
 /// Response of a bar that bends in its first mode, `1 + Γ r²/(1 − r² + 2iζr)` with `r = f/f_n`: magnitude and argument
 /// (rad). Γ is for translation of the tip, κΓ for its rotation.
@@ -102,6 +104,29 @@ pub(crate) fn weighted_mean(values: &[Estimate]) -> Option<Estimate> {
     Some(estimate(mean, birge / weight.sqrt()))
 }
 
+/// The first mode that the rig file states against the gain of rotation: `None` if it states none, or if the gains are
+/// not those of a bar.
+pub(crate) fn stated_mode_check(finding: &Finding<Flexibility>) -> Option<MountCheck> {
+    let found = finding.found().filter(|_| bar_of(finding) != Bar::Scaled)?;
+    let (stated_hz, frequency_hz) = found.expected_hz.zip(found.frequency_hz)?;
+    let factor = 0.5 * (GAMMA.0 + GAMMA.1) * 0.5 * (KAPPA.0 + KAPPA.1);
+    let (gain, _) = bending_response(frequency_hz, stated_hz, 0.0, factor);
+    let difference = (found.rotation_gain.value - gain).abs();
+    let text = format!(
+        "a first mode of {stated_hz} Hz would raise the gain of rotation at {frequency_hz:.2} Hz to {gain:.4}; it is {}",
+        with_u(&found.rotation_gain, 4)
+    );
+    Some(MountCheck {
+        name: "first mode of the bar".to_owned(),
+        unit: "Hz".to_owned(),
+        fitted: found.first_mode_hz.clone(),
+        stated: Some(stated_hz),
+        agrees: Some(difference <= CLEAR * u(&found.rotation_gain) + MODE_TOLERANCE * (gain - 1.0).abs()),
+        of_rig: true,
+        text,
+    })
+}
+
 fn ratio(translation: Estimate, rotation: Estimate) -> Finding<Estimate> {
     let (p, r) = (translation.value - 1.0, rotation.value - 1.0);
     if p.abs() < CLEAR * u(&translation) {
@@ -181,5 +206,32 @@ fn in_words(gains: &str, ratio: &Finding<Estimate>, mode: &Finding<Estimate>, ex
              the sensor would look the same.",
             with_u(hz, 1)
         ),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The check of a stated first mode of 5 Hz for a bar whose first mode is `mode_hz`, swung at 0.5 Hz.
+    fn check(mode_hz: f64) -> MountCheck {
+        let at = |gamma: f64| {
+            let (value, _) = bending_response(0.5, mode_hz, 0.0, gamma);
+            [GainAt { gain: estimate(value, 1e-4), frequency_hz: 0.5 }]
+        };
+        let middle = |(low, high): (f64, f64)| 0.5 * (low + high);
+        let (gamma, kappa) = (middle(GAMMA), middle(KAPPA));
+        stated_mode_check(&flexibility(&at(gamma), &at(gamma * kappa), Some(5.0))).unwrap()
+    }
+
+    #[test]
+    fn a_stated_first_mode_that_the_gains_exclude_is_a_contradiction() {
+        assert_eq!(check(5.0).agrees, Some(true));
+        assert_eq!(check(5.2).agrees, Some(true), "8 % of the excess");
+        assert_eq!(check(10.0).agrees, Some(false));
+        let stiff = check(200.0);
+        assert!(stiff.contradicts_rig() && stiff.fitted.found().is_none(), "{stiff:?}");
+        // 1 + Γκ r²/(1 − r²) with Γκ = 1.5374 and r = 0.1.
+        assert!(stiff.text.contains("to 1.0155; it is 1.0000"), "{}", stiff.text);
     }
 }

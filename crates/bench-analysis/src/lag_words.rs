@@ -2,7 +2,7 @@
 
 use crate::verdict::millis;
 use flight::with_expanded;
-use record::{Estimate, Finding, ModelCandidate, ModelFinding};
+use record::{Estimate, Finding, ModelCandidate, ModelFinding, Verdict};
 use signal::{LagCandidate, LagChoice, LagModel, Uncertain};
 
 /// The shortest fitted lag, s: a result at this limit means no lag.
@@ -24,6 +24,7 @@ pub(crate) fn model(choice: &LagChoice) -> Finding<ModelFinding> {
     if best.sum_s.value.abs() < 2.0 * best.sum_s.standard_uncertainty || is_at_floor {
         return Finding::CannotTell("no delay found".to_owned());
     }
+    let chosen = choice.chosen.filter(|_| !is_impossible(best));
     let candidates = choice
         .candidates
         .iter()
@@ -35,8 +36,19 @@ pub(crate) fn model(choice: &LagChoice) -> Finding<ModelFinding> {
             gain: c.gains.first().map_or(Estimate { value: 1.0, standard_uncertainty: None }, |g| estimate(*g)),
         })
         .collect();
-    let chosen = choice.chosen.map(|m| m.name().to_owned());
-    Finding::Found(ModelFinding { candidates, chosen, text: text(choice, best), sum_s: estimate(best.sum_s) })
+    let text = if is_impossible(best) { OPPOSITE.to_owned() } else { text(choice, best) };
+    let chosen = chosen.map(|m| m.name().to_owned());
+    Finding::Found(ModelFinding { candidates, chosen, text, sum_s: estimate(best.sum_s) })
+}
+
+/// Why no model is chosen where the best one is early and smears at the same time.
+const OPPOSITE: &str = "no sensor: the best model is early by a delay and late by a lag. The reference has another shape \
+                        than the channel: check soft iron, field, mount and lever arm";
+
+/// No sensor shows a value early and smears it.
+fn is_impossible(best: &LagCandidate) -> bool {
+    let is_early = |d: Uncertain| d.value + 2.0 * d.standard_uncertainty < 0.0;
+    !best.lags_s.is_empty() && best.delay_s.is_some_and(is_early)
 }
 
 fn text(choice: &LagChoice, best: &LagCandidate) -> String {
@@ -77,6 +89,16 @@ pub(crate) fn lag_in_words(model: &ModelFinding) -> Option<String> {
     Some(format!("{delay}{lags} (k = 2), so slow motion is {} late", number(&model.sum_s)))
 }
 
+/// The verdict, where a lag may make slow motion late although the best pure delay of this swing is within its margin.
+/// Early by a lag is impossible.
+pub(crate) fn with_lag(verdict: Verdict, model: Option<&ModelFinding>, margin_s: f64) -> Verdict {
+    let is_late = |model: &ModelFinding| {
+        let u = model.sum_s.standard_uncertainty.unwrap_or(0.0);
+        lag_in_words(model).is_some() && model.sum_s.value - 2.0 * u > margin_s
+    };
+    if verdict == Verdict::EquivalentToZero && model.is_some_and(is_late) { Verdict::Delayed } else { verdict }
+}
+
 /// The reason of a verdict, completed if the lateness is not, or not certainly, a pure delay: `reason` is for the pure
 /// delay that fits best.
 pub(crate) fn with_model(reason: &str, delay_s: f64, model: Option<&ModelFinding>) -> String {
@@ -92,5 +114,62 @@ pub(crate) fn with_model(reason: &str, delay_s: f64, model: Option<&ModelFinding
             (None, Some(_)) => reason.to_owned(),
             (None, None) => format!("{reason}; as a model: {}", model.text),
         },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lag(sum_ms: f64, u_ms: f64, chosen: Option<&str>) -> ModelFinding {
+        let estimate = |ms: f64| Estimate { value: 1e-3 * ms, standard_uncertainty: Some(1e-3 * u_ms) };
+        let gain = Estimate { value: 1.0, standard_uncertainty: None };
+        let of =
+            |name: &str, lags_s| ModelCandidate { name: name.to_owned(), delta_bic: 0.0, delay_s: None, lags_s, gain };
+        ModelFinding {
+            candidates: vec![of("L", vec![estimate(sum_ms)]), of("D", vec![])],
+            chosen: chosen.map(str::to_owned),
+            text: String::new(),
+            sum_s: estimate(sum_ms),
+        }
+    }
+
+    #[test]
+    fn a_lag_beyond_the_margin_is_not_on_time() {
+        let verdict = |model: &ModelFinding| with_lag(Verdict::EquivalentToZero, Some(model), 5e-3);
+        assert_eq!(verdict(&lag(20.0, 2.0, Some("L"))), Verdict::Delayed);
+        assert_eq!(verdict(&lag(4.0, 0.1, Some("L"))), Verdict::EquivalentToZero, "within the margin");
+        assert_eq!(verdict(&lag(8.0, 2.0, Some("L"))), Verdict::EquivalentToZero, "may be within the margin");
+        assert_eq!(verdict(&lag(20.0, 2.0, Some("D"))), Verdict::EquivalentToZero, "a pure delay has its own verdict");
+        assert_eq!(verdict(&lag(20.0, 2.0, None)), Verdict::EquivalentToZero, "no model was chosen");
+        let model = lag(20.0, 2.0, Some("L"));
+        assert_eq!(with_lag(Verdict::NotMeasurable, Some(&model), 5e-3), Verdict::NotMeasurable);
+        assert_eq!(with_lag(Verdict::EquivalentToZero, None, 5e-3), Verdict::EquivalentToZero);
+    }
+
+    /// A channel with soft iron against the model of the field: e^{sT}/(1 + sτ) fits best, but no sensor is early by T.
+    #[test]
+    fn a_delay_and_a_lag_of_opposite_signs_are_no_sensor() {
+        let choice = |delay_ms: f64| {
+            let uncertain = |ms: f64| Uncertain { value: 1e-3 * ms, standard_uncertainty: 1e-3 };
+            let best = LagCandidate {
+                model: LagModel::DL,
+                bic: 0.0,
+                delay_s: Some(uncertain(delay_ms)),
+                lags_s: vec![uncertain(38.0)],
+                gains: vec![],
+                sum_s: uncertain(38.0 + delay_ms),
+                delay_range_s: [0.0, 0.0],
+            };
+            let finding = model(&LagChoice { candidates: vec![best], chosen: Some(LagModel::DL), rival: None });
+            finding.found().unwrap().clone()
+        };
+        let impossible = choice(-25.0);
+        assert_eq!(impossible.chosen, None);
+        assert!(impossible.text.contains("no sensor") && impossible.text.contains("soft iron"), "{}", impossible.text);
+        let reason = with_model("late: the 95 % interval excludes zero", 0.012, Some(&impossible));
+        assert!(reason.starts_with("late: ") && reason.contains("as a model: no sensor"), "{reason}");
+        assert_eq!(choice(25.0).chosen.as_deref(), Some("DL"));
+        assert_eq!(choice(-1.5).chosen.as_deref(), Some("DL"), "may be zero");
     }
 }

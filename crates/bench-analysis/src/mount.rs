@@ -5,13 +5,14 @@ mod circle;
 mod gyro;
 
 use crate::alignment::{Alignment, Clue, estimate};
-use crate::flexibility::{Bar, bar_of};
+use crate::flexibility::{Bar, bar_of, stated_mode_check};
 use crate::kinematics::wrapped;
 use crate::magnetometer::{MagneticSwing, calibrate_magnetometer};
 use crate::rig::Rig;
 use crate::surroundings::Surroundings;
 use flight::{Code, Notices, Quantity};
-use record::{ChannelDynamics, Estimate, Finding, Flexibility, MountCheck, MountFinding, SIDE_OF_PIVOT};
+use record::{ChannelDynamics, ENCODER_SIGN, Estimate, Finding, Flexibility, MountCheck, MountFinding, SIDE_OF_PIVOT};
+use std::f64::consts::TAU;
 
 /// Tolerance for angles of zero and azimuth in addition to their uncertainties (1°).
 const ANGLE_TOLERANCE_RAD: f64 = 0.0175;
@@ -24,6 +25,10 @@ const SCALE_TOLERANCE: f64 = 0.01;
 /// Misalignment that is not reported (1°).
 const MISALIGNMENT_TOLERANCE_RAD: f64 = 0.0175;
 
+/// What checks of the azimuth are named after.
+const AZIMUTH: &str = "azimuth";
+/// Angles that differ by less are shown on the same turn, rad.
+const NEAR_RAD: f64 = 0.5;
 /// Source of an angle stated in the rig file.
 const STATED: &str = "rig file";
 /// A bending bar makes its tip swing further than its length, by less than this share at hand speeds.
@@ -62,7 +67,7 @@ pub fn mount_finding(
 ) -> (MountFinding, Notices) {
     let bar = bar_of(flexibility);
     let inputs = Inputs {
-        bends: rig.bar.first_mode_hz.is_some() || bar == Bar::Bends,
+        bends: bar == Bar::Bends || (bar == Bar::NotSeen && rig.bar.first_mode_hz.is_some()),
         is_scaled: bar == Bar::Scaled,
         counts_per_rev: rig.encoder.counts_per_rev,
         around,
@@ -75,14 +80,20 @@ pub fn mount_finding(
         checks.extend(inputs.checks(clue));
     }
     ask_for_witnesses(&mut checks);
+    checks.extend(stated_mode_check(flexibility));
     let own: Vec<&str> = channels.iter().filter(|c| is_own_effect(c)).map(|c| c.name.as_str()).collect();
     for check in checks.iter_mut().filter(|check| own.iter().any(|name| check.name.ends_with(name))) {
         check.of_rig = false;
+        if check.agrees == Some(false) {
+            check.agrees = None;
+            check.text += "; not compared: this channel lags, or its delay was not measured";
+        }
     }
     if inputs.bends {
         checks.iter_mut().for_each(excuse_what_bending_explains);
     }
     excuse_what_counts_explain(&mut checks);
+    excuse_what_angles_explain(&mut checks, alignment);
     let finding = MountFinding {
         detected: detected.map_or_else(
             || {
@@ -118,6 +129,25 @@ fn excuse_what_counts_explain(checks: &mut [MountCheck]) {
             check.of_rig = false;
             check.text += "; the counts per revolution explain it";
         }
+    }
+}
+
+/// A wrong sign or number of counts changes all angles and lengths, and a wrong azimuth changes the zero by position and
+/// velocity: only the first cause is to be corrected.
+fn excuse_what_angles_explain(checks: &mut [MountCheck], alignment: &Alignment) {
+    let is_sign_wrong = alignment.notices.iter().any(|n| n.code == Code::RigContradicted && n.place == ENCODER_SIGN);
+    let are_counts_wrong = checks.iter().any(|c| c.unit == COUNTS && c.contradicts_rig());
+    let is_azimuth_wrong = checks.iter().any(|c| c.name.starts_with(AZIMUTH) && c.contradicts_rig());
+    let by_track = ["encoder zero by position", "encoder zero by velocity"];
+    for check in checks.iter_mut().filter(|c| c.contradicts_rig() && c.unit != COUNTS) {
+        let cause = match (is_sign_wrong, are_counts_wrong) {
+            (true, _) => "encoder's sign",
+            (false, true) => "number of counts",
+            _ if is_azimuth_wrong && by_track.iter().any(|name| check.name.starts_with(name)) => "azimuth",
+            _ => continue,
+        };
+        check.of_rig = false;
+        check.text += &format!("; it may follow from the wrong {cause}");
     }
 }
 
@@ -226,7 +256,7 @@ fn angle_checks(inputs: &Inputs<'_>) -> Vec<MountCheck> {
     });
     let azimuths = alignment.azimuths.iter().filter_map(|(channel, found)| {
         let used = alignment.azimuth_rad?;
-        Some(angle_check(format!("azimuth by {channel}"), *found, used, &alignment.azimuth_source))
+        Some(angle_check(format!("{AZIMUTH} by {channel}"), *found, used, &alignment.azimuth_source))
     });
     // A barometer is slow: its deviation is its own.
     let is_slow =
@@ -235,9 +265,14 @@ fn angle_checks(inputs: &Inputs<'_>) -> Vec<MountCheck> {
 }
 
 fn angle_check(name: String, found: Estimate, used: Estimate, source: &str) -> MountCheck {
-    // On the same turn as the value in use, so that −179.9° and 180° are neighbours.
+    // Azimuths from 0 to 360°, zeros from −180 to 180°; near the value in use on its turn, so that 359.9° and 0.1° are
+    // −0.1° and 0.1°.
     let difference = wrapped(found.value - used.value);
-    let value = Estimate { value: used.value + difference, ..found };
+    let is_azimuth = name.starts_with(AZIMUTH);
+    let stated = if is_azimuth { used.value.rem_euclid(TAU) } else { used.value };
+    let near = stated + difference;
+    let turned = if is_azimuth { near.rem_euclid(TAU) } else { wrapped(near) };
+    let value = Estimate { value: if difference.abs() < NEAR_RAD { near } else { turned }, ..found };
     let agrees =
         difference.abs() <= 3.0 * u(&found).hypot(used.standard_uncertainty.unwrap_or(0.0)) + ANGLE_TOLERANCE_RAD;
     let of_rig = source == STATED;
@@ -252,7 +287,7 @@ fn angle_check(name: String, found: Estimate, used: Estimate, source: &str) -> M
         unit: "rad".to_owned(),
         text,
         fitted: Finding::Found(value),
-        stated: Some(used.value).filter(|_| !is_in_use),
+        stated: Some(stated).filter(|_| !is_in_use),
         agrees: Some(agrees).filter(|_| !is_in_use),
         of_rig,
     }
@@ -340,5 +375,21 @@ mod tests {
         assert_eq!(contradict([(velocity, 1.25), ("lever arm z", 1.248)]), [true; 2]);
         // A lag does not make a circle larger.
         assert_eq!(contradict([(velocity, 1.35)]), [true]);
+    }
+
+    #[test]
+    fn an_azimuth_is_quoted_as_the_rig_file_states_it() {
+        let degrees = |found: f64, used: f64, name: &str| {
+            let of =
+                |degrees: f64| Estimate { value: wrapped(degrees.to_radians()), standard_uncertainty: Some(0.001) };
+            let check = angle_check(format!("{name} by position.gps"), of(found), of(used), STATED);
+            let fitted = check.fitted.found().unwrap().value;
+            [fitted, check.stated.unwrap()].map(|angle| (10.0 * angle.to_degrees()).round() / 10.0)
+        };
+        assert_eq!(degrees(30.0, 210.0, AZIMUTH), [30.0, 210.0]);
+        assert_eq!(degrees(359.0, 1.0, AZIMUTH), [-1.0, 1.0], "neighbours");
+        assert_eq!(degrees(308.0, 300.0, AZIMUTH), [308.0, 300.0]);
+        assert_eq!(degrees(0.0, 180.0, "encoder zero")[0].abs(), 0.0);
+        assert_eq!(degrees(-179.0, 179.0, "encoder zero"), [181.0, 179.0], "neighbours");
     }
 }

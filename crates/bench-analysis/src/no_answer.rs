@@ -59,10 +59,15 @@ pub(crate) fn no_answer(
     // Of a swing that repeats itself, a delay beyond the search also fits.
     if let Some(other_s) = ambiguous_with(fit) {
         let other = millis(other_s);
-        return Some(format!(
-            "cannot tell: delays of {best} ms and {other} ms fit nearly equally well. Swing by hand, not too regularly, \
-             or longer"
-        ));
+        // Two equal delays to either side of zero are half a swing each: the channel moves opposite to its reference.
+        let is_opposite = (fit.delay_s + other_s).abs() < 0.1 * (fit.delay_s - other_s).abs();
+        let advice = match is_opposite {
+            true => {
+                "They are half a swing to either side: its sign may be wrong. Check encoder.sign, azimuth, mount and field"
+            }
+            false => "Swing by hand, not too regularly, or longer",
+        };
+        return Some(format!("cannot tell: delays of {best} ms and {other} ms fit nearly equally well. {advice}"));
     }
     let unexplained = || {
         format!(

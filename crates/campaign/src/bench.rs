@@ -27,13 +27,13 @@ use bench_analysis::{CardTerms, MagneticEvidence, Rig, card_magnetometer, combin
 use bench_logs::ReadLog;
 use flight::{Code, Notices, Quantity};
 use pair::Swing;
-use record::{BenchOutcome, BenchRecord, CardChannel, SensorCard};
+use record::{BenchOutcome, BenchRecord, CardChannel, CardMagnetometer, Finding, SensorCard};
 use report::{IndexedCard, cards_site};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Raised by hand when reading, binding or measuring a bench record gives different results.
-pub const BENCH_ANALYSIS_VERSION: u32 = 16;
+pub const BENCH_ANALYSIS_VERSION: u32 = 17;
 
 /// The request of the user.
 #[derive(Debug, Clone, PartialEq)]
@@ -267,8 +267,7 @@ fn carded(
     let card = match named.iter().any(is_measured).then(|| combine(&named, &terms)) {
         Some(Ok(combined)) => {
             notices = combined.notices;
-            let magnetic: Vec<&MagneticEvidence> = measured.iter().filter_map(|m| m.magnetic.as_ref()).collect();
-            Some(SensorCard { magnetometer: card_magnetometer(&magnetic), ..combined.card })
+            Some(SensorCard { magnetometer: magnetometer(&measured), ..combined.card })
         }
         Some(Err(why)) => {
             notices.push(Code::LeftOffCard, "", 1, why.to_string());
@@ -285,6 +284,20 @@ fn carded(
     let page = store.root().join("index.html");
     let lacks_position = lacks_position(&named, card.as_ref());
     Ok(BenchVerdict { rows: measured.iter().map(row).collect(), card, card_file, lacks_position, notices, page })
+}
+
+/// Hard and soft iron, unless the angles of a record with swings are in doubt: a wrong azimuth turns the field.
+fn magnetometer(measured: &[Measured]) -> Option<CardMagnetometer> {
+    let magnetic: Vec<&MagneticEvidence> = measured.iter().filter_map(|m| m.magnetic.as_ref()).collect();
+    let found = card_magnetometer(&magnetic)?;
+    let with_swings = measured.iter().filter(|m| m.magnetic.as_ref().is_some_and(|e| !e.swings.is_empty()));
+    let doubt = |m: &Measured| Some(format!("{}: {}", m.name, m.record.doubts_of_angles().first()?));
+    Some(match with_swings.filter_map(doubt).next() {
+        Some(doubt) => {
+            CardMagnetometer { iron: Finding::CannotTell(format!("an angle is in doubt ({doubt})")), ..found }
+        }
+        None => found,
+    })
 }
 
 /// Whether records hold a position that is not on the card: positions are the purpose of a bench.

@@ -24,10 +24,21 @@ impl BenchRecord {
     /// encoder that slipped or scatters, or clocks that differ. Rig file, encoder and clock affect every reference.
     #[must_use]
     pub fn doubts(&self) -> Vec<String> {
+        self.doubts_of(|_| true)
+    }
+
+    /// Reasons to doubt the angles of the record, and with them the directions of its fields and forces: as
+    /// [`BenchRecord::doubts`], but without lengths.
+    #[must_use]
+    pub fn doubts_of_angles(&self) -> Vec<String> {
+        self.doubts_of(|check| check.unit != "m")
+    }
+
+    fn doubts_of(&self, counts: impl Fn(&MountCheck) -> bool) -> Vec<String> {
         let findings = || self.findings.iter();
         let contradicted = self.notices.iter().filter(|n| n.code == Code::RigContradicted);
         let stated = contradicted.filter(|n| [ENCODER_SIGN, SIDE_OF_PIVOT].contains(&n.place.as_str()));
-        let checks = findings().flat_map(|f| &f.mount.checks).filter(|c| c.contradicts_rig());
+        let checks = findings().flat_map(|f| &f.mount.checks).filter(|c| c.contradicts_rig() && counts(c));
         let encoder = findings().flat_map(|f| &f.gate.checks).filter(|c| c.is_of_wrong_motion());
         let of_notices = stated.map(|n| n.text.clone());
         let of_gate = encoder.map(|c| format!("{}: {}", c.name, c.text));
@@ -54,7 +65,10 @@ impl MountCheck {
 
     /// `lever arm z of imu: 1.201 ± 0.004 m by the data, 1.3 m by the rig file`.
     fn in_words(&self) -> String {
-        let (Finding::Found(fitted), Some(stated)) = (&self.fitted, self.stated) else { return self.name.clone() };
+        let (Finding::Found(fitted), Some(stated)) = (&self.fitted, self.stated) else {
+            let text = if self.text.is_empty() { String::new() } else { format!(": {}", self.text) };
+            return self.name.clone() + &text;
+        };
         let (factor, unit) = if self.unit == "rad" { (1f64.to_degrees(), "°") } else { (1.0, self.unit.as_str()) };
         let u = fitted.standard_uncertainty.map_or(0.0, |u| 2.0 * u * factor);
         let digits = if u > 0.0 { decimals_of(u) } else { 3 };

@@ -540,7 +540,7 @@ fn comparable<'a>(name: &'a str, runs: Vec<Run<'a>>, left_out: &mut Vec<LeftOut<
     for run in others {
         let own = Kind::of(run.channel);
         let what = if own.quantity == best.quantity { own.words() } else { format!("{:?}", own.quantity) };
-        let why = format!("{what}: not comparable with the others ({}) and not used", best.words());
+        let why = format!("{what}: not comparable with the others ({}) and not used for delay and gain", best.words());
         left_out.push(LeftOut { code: Code::NotComparable, record: run.record, channel: name, why });
     }
     kept

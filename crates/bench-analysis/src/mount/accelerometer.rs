@@ -99,7 +99,7 @@ fn across(inputs: &Inputs<'_>, clue: &Clue) -> Option<Vec<MountCheck>> {
     let (one, x, z) = (vec![1.0; y.len()], column(0), column(2));
     let fit = regress(&[&one, &x, &z], &["bias", "x", "z"], &y).ok()?;
     let name = &clue.name;
-    let yaw = estimate(-fit.coefficients[1], fit.standard_uncertainty(1));
+    let angle = |leak: f64, k| estimate(leak.clamp(-1.0, 1.0).asin(), fit.standard_uncertainty(k));
     let misalignment = |axis: &str, value, text: &str| {
         check(
             format!("misalignment about {axis} of {name}"),
@@ -111,10 +111,10 @@ fn across(inputs: &Inputs<'_>, clue: &Clue) -> Option<Vec<MountCheck>> {
         )
     };
     Some(vec![
-        misalignment("z", yaw, "leakage of the x axis into y"),
+        misalignment("z", angle(-fit.coefficients[1], 1), "leakage of the x axis into y"),
         misalignment(
             "x",
-            coefficient(&fit, 2),
+            angle(fit.coefficients[2], 2),
             "leakage of the z axis into y: a rolled sensor, or an axis of rotation that is not level",
         ),
         check(

@@ -14,9 +14,11 @@ pub(super) fn checks(inputs: &Inputs<'_>, clue: &Clue) -> Vec<MountCheck> {
         let text = "rate as measured over that of the encoder; a bar that bends raises it too".to_owned();
         checks.push(scale_check(format!("scale y of {name}"), scale, text));
     }
+    // The share of the rate that remains on y; 1 without y.
+    let along = clue.regression(1).map_or(1.0, |y| (sign * y.coefficients[1]).max(0.0));
     for (axis, about, factor) in [(0, "z", sign), (2, "x", -sign)] {
         if let Some(fit) = clue.regression(axis) {
-            let angle = estimate(factor * fit.coefficients[1], fit.standard_uncertainty(1));
+            let angle = estimate((factor * fit.coefficients[1]).atan2(along), fit.standard_uncertainty(1));
             let text = format!("leakage of the swing's rate into {}", ["x", "y", "z"][axis]);
             let label = format!("misalignment about {about} of {name}");
             checks.push(check(label, "rad", angle, Some(0.0), MISALIGNMENT_TOLERANCE_RAD, text));

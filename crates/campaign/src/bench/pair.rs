@@ -143,9 +143,10 @@ fn two_logs(logs: &[ReadLog], encoders: Vec<Log>, sensors: Vec<Log>) -> Vec<Made
     let (e, s) = (encoders.len(), sensors.len());
     for log in encoders.iter().chain(&sensors).filter(|log| !paired.contains(log)) {
         let reason = match (encoders.contains(log), e, s) {
-            (true, _, 0) => "it has an encoder channel, but its folder has no log of a sensor".to_owned(),
+            (true, _, 0) => "it has an encoder channel, but no log of a sensor was given".to_owned(),
             (false, 0, _) => {
-                "it has no encoder channel, and its folder has no log of an encoder; give --encoder".to_owned()
+                "it has no encoder channel that its map binds, and no log of an encoder was given; give --encoder"
+                    .to_owned()
             }
             _ => format!(
                 "{e} logs of encoders and {s} of sensors are in one folder: put each pair into its own folder, or \

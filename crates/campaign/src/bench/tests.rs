@@ -292,6 +292,31 @@ fn card_of(channels: &[(BenchChannel, BenchSensor)]) -> BenchVerdict {
     go(&order(folder.path(), &["swing.mcap"], "out"), 2).unwrap()
 }
 
+/// A wrong azimuth turns the field, and so moves the iron that is fitted to it.
+#[test]
+fn iron_of_a_record_with_a_contradicted_azimuth_is_not_given() {
+    let names = [BenchChannel::MagneticField, BenchChannel::VelocityIns];
+    let settings = BenchSettings { seed: 3, swing_s: 20.0, rest_s: [2.0, 2.0], ..BenchSettings::ins() }.only(&names);
+    let simulated = simulate_bench(&settings).unwrap();
+    let reason = |off_deg: f64| {
+        let folder = tempfile::tempdir().unwrap();
+        put(folder.path(), simulated.files(MCAP(), "swing").unwrap());
+        let text = rig(&simulated, "1");
+        let line = text.lines().find(|line| line.starts_with("azimuth_deg")).unwrap();
+        let azimuth_deg = settings.bar.azimuth_rad.to_degrees() + off_deg;
+        let text = text.replace(line, &format!("azimuth_deg = {azimuth_deg:.3}"));
+        std::fs::write(folder.path().join("m.rig.toml"), text).unwrap();
+        let card = go(&order(folder.path(), &["swing.mcap"], "out"), 2).unwrap().card.unwrap();
+        match card.magnetometer.unwrap().iron {
+            Finding::Found(_) => String::new(),
+            Finding::CannotTell(why) => why,
+        }
+    };
+    assert!(!reason(0.0).contains("in doubt"));
+    let doubt = reason(20.0);
+    assert!(doubt.starts_with("an angle is in doubt (swing.mcap: azimuth by velocity.ins"), "{doubt}");
+}
+
 #[test]
 fn a_position_that_could_not_be_measured_ends_with_3() {
     let velocity = (BenchChannel::VelocityIns, BenchSensor::noisy(100.0, 0.02));

@@ -601,6 +601,9 @@ fn record_row(number: usize, record: &CardRecord, columns: &[Column]) -> Markup 
             }
             td.any {
                 @match &record.record.outcome {
+                    BenchOutcome::Measured if !record.record.doubts().is_empty() => {
+                        (badge("unsure", "!", "Measured")) " " (in_doubt())
+                    }
                     BenchOutcome::Measured => { (badge("ok", "✓", "Measured")) }
                     BenchOutcome::NotMeasurable { reason } => { (badge("unsure", "○", "Not measurable")) ": " (shown(reason)) }
                     BenchOutcome::Failed { reason } => { (badge("bad", "✗", "Failed")) ": " (shown(reason)) }

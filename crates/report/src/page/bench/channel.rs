@@ -185,7 +185,7 @@ fn component(c: &ComponentDynamics) -> Markup {
             td.n { (or_why(c.drift.as_ref(), "not fitted", estimate)) }
             td.n { (or_why(noise, "not fitted", |n| plain(n.white_std, 2))) }
             td.n { (or_why(wander, no_wander, |n| html! { (plain(n.wander_std, 2)) ", " (plain(n.time_constant_s, 2)) })) }
-            td.n { (or_why(noise.and_then(|n| n.static_std), "never at rest", |s| plain(s, 2))) }
+            td.n { (or_why(noise.and_then(|n| n.static_std), if noise.is_some() { "never at rest" } else { unfitted }, |s| plain(s, 2))) }
             td.n { (or_why(noise.and_then(|n| n.resolution), "unknown", |r| plain(r, 2))) }
         }
     }
