@@ -249,7 +249,7 @@ fn two_pipelines_over_the_same_flights_differ_only_by_settings() {
     // The two reports directly, as text; and a folder that is not a report.
     let (first, second) = (path("diff/first"), path("diff/second"));
     let printed = text(&run(["diff", &first, &second], 0).stdout);
-    assert!(printed.contains("another result") && printed.contains("delay.position_s: was 0.4, is 0.2"), "{printed}");
+    assert!(printed.contains("computed again") && printed.contains("delay.position_s: was 0.4, is 0.2"), "{printed}");
     let same = text(&run(["diff", &first, &first], 0).stdout);
     assert!(same.contains("2 flights in both: 0 numbers moved"), "{same}");
     let wrong = text(&flightlag(["diff", &first, &logs]).output().unwrap().stderr);

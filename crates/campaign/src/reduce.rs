@@ -755,7 +755,7 @@ fn row_of(line: &Line<'_>, record: &FlightRecord) -> FlightRow {
         format: log.map(|log| log.format.clone()).unwrap_or_default(),
         map: record.binding.as_ref().map(|b| b.map.clone()),
         bytes: record.inputs.iter().map(|i| i.bytes).sum(),
-        duration_s: replay.map(|r| r.coverage.duration_s),
+        duration_s: replay.map(|r| r.coverage.duration_s).or_else(|| span_of(record, position.as_deref())),
         position_rate_hz: rate(record, position.as_deref()),
         velocity_rate_hz: rate(record, velocity.as_deref()),
         position,
@@ -869,6 +869,13 @@ fn rate(record: &FlightRecord, channel: Option<&str>) -> Option<f64> {
     rate_of(&record.binding.as_ref()?.channels, channel?)
 }
 
+/// Time from the first to the last row of a channel, s.
+fn span_of(record: &FlightRecord, channel: Option<&str>) -> Option<f64> {
+    let channels = &record.binding.as_ref()?.channels;
+    let stamps = channels.iter().find(|c| Some(c.name.as_str()) == channel)?.stamps.as_ref()?;
+    Some(stamps.last_ns.abs_diff(stamps.first_ns) as f64 * 1e-9)
+}
+
 fn totals_of(rows: &[FlightRow]) -> CampaignTotals {
     let count = |of: &dyn Fn(&&FlightRow) -> bool| rows.iter().filter(of).count() as u64;
     let effect = |row: &FlightRow| row.effect.as_ref().map(|e| e.verdict);
@@ -885,7 +892,11 @@ fn totals_of(rows: &[FlightRow]) -> CampaignTotals {
         lossy: count(&|r| r.lossy),
         bytes: rows.iter().map(|r| r.bytes).sum(),
         // The sum of no values would be minus zero.
-        duration_s: rows.iter().filter_map(|r| r.duration_s).fold(0.0, |sum, s| sum + s),
+        duration_s: rows
+            .iter()
+            .filter(|r| r.delay_s.is_some())
+            .filter_map(|r| r.duration_s)
+            .fold(0.0, |sum, s| sum + s),
     }
 }
 

@@ -124,7 +124,7 @@ fn finished(
     let short = short_by.map_or(String::new(), |ratio| format!(", but {ratio:.1} × the smallest possible error"));
     let metres = format!("{} → {} m", error_words(&raw), error_words(&after));
     let words = match (verdict, removed_s) {
-        (_, None) => format!("nothing was removed; the position error is {} m ({against})", error_words(&raw)),
+        (_, None) => format!("nothing was removed; the position error is {} m ({against})", error_with_u(&raw)),
         (EffectVerdict::Helped, Some(_)) => format!("helped: {metres} ({against}){short}"),
         (EffectVerdict::Harmed, Some(s)) => {
             format!("harmed: {metres} ({against}). Removing {} made the position worse", ms(s))
@@ -144,6 +144,14 @@ pub fn error_words(error: &Estimate) -> String {
     match error.standard_uncertainty.map(|u| SHOWN * u) {
         Some(expanded) if expanded >= error.value => format!("below {}", metres(error.value + expanded)),
         _ => metres(error.value),
+    }
+}
+
+/// The same with its expanded uncertainty (k = 2), if it is known: `3.33 ± 0.47`.
+fn error_with_u(error: &Estimate) -> String {
+    match error.standard_uncertainty.map(|u| SHOWN * u) {
+        Some(expanded) if expanded < error.value => flight::with_expanded(error.value, expanded),
+        _ => error_words(error),
     }
 }
 

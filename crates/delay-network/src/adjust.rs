@@ -67,6 +67,8 @@ pub(crate) struct Adjustment {
     pub(crate) covariance: DMatrix<f64>,
     /// Model part of the standard uncertainty, s.
     pub(crate) model_s: Vec<f64>,
+    /// What few windows of the pairs add to the variance of a 95 % interval, s².
+    few_windows: Vec<f64>,
     pub(crate) residuals: DVector<f64>,
     pub(crate) chi2: f64,
     pub(crate) degrees_of_freedom: usize,
@@ -80,6 +82,12 @@ impl Adjustment {
     /// Standard uncertainty of one node, s.
     pub(crate) fn uncertainty_s(&self, node: usize) -> f64 {
         self.covariance[(node, node)].max(0.0).sqrt()
+    }
+
+    /// Half width of the interval of one node in units of k, s: as [`Adjustment::uncertainty_s`], but including what few
+    /// windows of its pairs add.
+    pub(crate) fn half_width_s(&self, node: usize) -> f64 {
+        (self.covariance[(node, node)] + self.few_windows[node]).max(0.0).sqrt()
     }
 
     /// Probability of a closure at least as bad; `None` without a loop.
@@ -181,11 +189,13 @@ pub(crate) fn adjust(
     let mut covariance = inverse;
     add_noise_and_datum(&mut covariance, graph, settings, noise, &parts);
     let mut model_s = model_part(&gain, graph, settings, &parts, freed);
+    let mut few_windows = few_windows(&gain, graph);
     for zero in parts.iter().filter_map(|part| part.zero) {
         covariance.row_mut(zero).fill(0.0);
         covariance.column_mut(zero).fill(0.0);
         lateness_s[zero] = 0.0;
         model_s[zero] = 0.0;
+        few_windows[zero] = 0.0;
     }
     let (chi2, tests) = closure(graph, &b, &weights, &y, freed)?;
     let loops = (graph.edges.len() + graph.parts).saturating_sub(graph.nodes.len());
@@ -197,6 +207,7 @@ pub(crate) fn adjust(
         lateness_s,
         covariance,
         model_s,
+        few_windows,
         residuals,
         chi2,
         degrees_of_freedom,
@@ -280,6 +291,13 @@ fn model_part(
         .enumerate()
         .map(|(at, node)| spread[(at, at)].max(0.0).sqrt().hypot(common_s(node.part, settings, parts)))
         .collect()
+}
+
+/// `diag(G diag(t²) Gᵀ)` with what few windows add to each pair, t.
+fn few_windows(gain: &DMatrix<f64>, graph: &Graph) -> Vec<f64> {
+    let of_node =
+        |node| graph.edges.iter().enumerate().map(move |(at, e)| (gain[(node, at)] * e.few_windows_s).powi(2));
+    (0..graph.nodes.len()).map(|node| of_node(node).sum()).collect()
 }
 
 /// Closure χ² and the tests of all effects, both free of any datum: `R = S⁻¹ − S⁻¹B(BᵀS⁻¹B)⁺BᵀS⁻¹`.

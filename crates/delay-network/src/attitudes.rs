@@ -82,6 +82,7 @@ mod tests {
             delay: Estimate { value: 0.1, standard_uncertainty: Some(1e-3 * ms) },
             uncertainty_s: 1e-3 * ms,
             widened_s: 0.0,
+            few_windows_s: 0.0,
         };
         let (kept, unused) = one_per_velocity(pairs.iter().map(usable).collect(), &role);
         assert_eq!(kept.len() + unused.len(), pairs.len());

@@ -30,6 +30,8 @@ pub(crate) struct Edge {
     pub(crate) uncertainty_s: f64,
     /// Widening for what a single delay does not explain, s.
     pub(crate) widened_s: f64,
+    /// What few windows add to the 95 % interval, s.
+    pub(crate) few_windows_s: f64,
     pub(crate) effect: usize,
 }
 
@@ -76,8 +78,9 @@ pub(crate) fn prepare(
                 unused.push(UnusedPair { first, second, why });
             }
             Ok((delay, uncertainty_s)) => {
-                let widened_s = if pair.widened_s.is_finite() { pair.widened_s } else { 0.0 };
-                usable.push(Usable { kind: pair.kind, first, second, delay, uncertainty_s, widened_s });
+                let [widened_s, few_windows_s] =
+                    [pair.widened_s, pair.few_windows_s].map(|s| if s.is_finite() { s } else { 0.0 });
+                usable.push(Usable { kind: pair.kind, first, second, delay, uncertainty_s, widened_s, few_windows_s });
             }
         }
     }
@@ -152,6 +155,7 @@ impl Edge {
             delay_s: pair.delay.value,
             uncertainty_s: pair.uncertainty_s,
             widened_s: pair.widened_s,
+            few_windows_s: pair.few_windows_s,
             effect: 0,
         }
     }

@@ -30,12 +30,13 @@ impl Isolation {
         self.birge * self.adjustment.uncertainty_s(node)
     }
 
-    /// Lateness ± k U of a node, s: the hull over all suspects if no effect is named.
+    /// Lateness ± k U of a node, s, wider if few windows of its pairs were measured: the hull over all suspects if no
+    /// effect is named.
     pub(crate) fn interval_s(&self, node: usize, k: f64) -> [f64; 2] {
         std::iter::once(&self.adjustment).chain(&self.alternatives).fold(
             [f64::INFINITY, f64::NEG_INFINITY],
             |[low, high], one| {
-                let (value, half) = (one.lateness_s[node], k * self.birge * one.uncertainty_s(node));
+                let (value, half) = (one.lateness_s[node], k * self.birge * one.half_width_s(node));
                 [low.min(value - half), high.max(value + half)]
             },
         )

@@ -1,5 +1,6 @@
 //! Pairs as input to the network.
 
+use crate::isolate::K95;
 use record::{DelayPairKind, Estimate, Finding, MeasuredDelay, PairDelay};
 
 /// Measured delay of one pair of channels, or why there is none.
@@ -17,6 +18,9 @@ pub struct PairObservation {
     /// Standard uncertainty for what one delay does not explain in this pair, such as a delay that depends on
     /// frequency, s. No other pair shares it.
     pub widened_s: f64,
+    /// What the 95 % interval has beyond ±1.96 standard uncertainties because few windows were measured (Student's t),
+    /// as a standard uncertainty to be added in quadrature, s.
+    pub few_windows_s: f64,
     /// Reason not to use a measured delay, `None` to use it.
     pub not_used: Option<String>,
 }
@@ -32,6 +36,7 @@ impl PairObservation {
             second: second.to_owned(),
             delay_s: Finding::Found(delay_s),
             widened_s: 0.0,
+            few_windows_s: 0.0,
             not_used: None,
         }
     }
@@ -45,9 +50,9 @@ impl PairObservation {
 
 impl From<&PairDelay> for PairObservation {
     fn from(pair: &PairDelay) -> Self {
-        let (delay_s, widened_s) = match &pair.delay {
-            Finding::Found(delay) => (Finding::Found(without_widening(delay)), delay.widened_s),
-            Finding::CannotTell(why) => (Finding::CannotTell(why.clone()), 0.0),
+        let (delay_s, widened_s, few_windows_s) = match &pair.delay {
+            Finding::Found(delay) => (Finding::Found(without_widening(delay)), delay.widened_s, few_windows_s(delay)),
+            Finding::CannotTell(why) => (Finding::CannotTell(why.clone()), 0.0, 0.0),
         };
         PairObservation {
             kind: pair.kind,
@@ -55,9 +60,16 @@ impl From<&PairDelay> for PairObservation {
             second: pair.second.clone(),
             delay_s,
             widened_s,
+            few_windows_s,
             not_used: None,
         }
     }
+}
+
+fn few_windows_s(delay: &MeasuredDelay) -> f64 {
+    let [low, high] = delay.interval_95_s;
+    let beyond = |u: f64| ((0.5 * (high - low) / K95).powi(2) - u.powi(2)).max(0.0).sqrt();
+    delay.delay_s.standard_uncertainty.map_or(0.0, beyond)
 }
 
 fn without_widening(delay: &MeasuredDelay) -> Estimate {
@@ -74,6 +86,7 @@ pub(crate) struct Usable {
     pub(crate) delay: Estimate,
     pub(crate) uncertainty_s: f64,
     pub(crate) widened_s: f64,
+    pub(crate) few_windows_s: f64,
 }
 
 #[cfg(test)]
@@ -92,6 +105,25 @@ mod tests {
         let without = without_widening(&delay);
         assert_eq!(without.value, 0.2);
         without.standard_uncertainty
+    }
+
+    /// Student's t of 5 degrees of freedom: 2.571 · 10 ms = 1.96 · √(10² + 8.489²) ms.
+    #[test]
+    fn an_interval_of_few_windows_is_wider_than_196_standard_uncertainties() {
+        let text = |half: f64, u: &str| {
+            format!(
+                r#"{{"delay_s": {{"value": 0.2, "standard_uncertainty": {u}}}, "interval_95_s": [{}, {}], "hessian_s": 0.01,
+                "hac_s": 0.0, "widened_s": 0.0, "crlb_s": 0.0, "smallest_detectable_s": 0.0, "samples": 100,
+                "downweighted_share": 0.18, "rival_s": null, "pieces": [], "over_time": [], "homogeneity": null,
+                "alarm": null, "splits": [], "injections": []}}"#,
+                0.2 - half,
+                0.2 + half
+            )
+        };
+        let beyond = |half, u: &str| few_windows_s(&serde_json::from_str(&text(half, u)).unwrap());
+        assert!((beyond(0.02571, "0.01") - 0.008489).abs() < 1e-6, "{}", beyond(0.02571, "0.01"));
+        assert_eq!(beyond(0.0195, "0.01"), 0.0, "never narrower");
+        assert_eq!(beyond(0.02571, "null"), 0.0);
     }
 
     /// Variances add up: 3² + 4² = 5².

@@ -12,6 +12,7 @@ use record::{DelayPool, Estimate, FlightsDiffer, GroupSplit, PoolMean, PoolMembe
 pub(crate) const OUTLIER_Z: f64 = 3.0;
 /// Least uncertainty of a flight in addition to what it shares with the group, s.
 const LEAST_OWN_S: f64 = 0.2e-3;
+const LEAST_ALONE_S: f64 = 1e-9;
 /// Probability below which a group is split, and below which its flights are considered different.
 const SPLIT_P: f64 = 0.01;
 /// Least distance of the means of two clusters, in standard deviations of a cluster.
@@ -121,10 +122,12 @@ impl Group {
     /// `None` without a flight.
     pub(crate) fn new(flights: &[&FlightLateness], datum_uncertainty_s: f64) -> Option<Group> {
         let common_s = flights.iter().map(|flight| flight.model_uncertainty_s).min_by(f64::total_cmp)?;
+        // A flight alone keeps its own uncertainty.
+        let least_s = if flights.len() == 1 { LEAST_ALONE_S } else { LEAST_OWN_S };
         let without = |shared_s: f64| {
             Sample::new(flights.iter().map(|flight| {
                 let variance = flight.standard_uncertainty_s.powi(2) - shared_s.powi(2);
-                (flight.lateness_s, variance.max(LEAST_OWN_S.powi(2)))
+                (flight.lateness_s, variance.max(least_s.powi(2)))
             }))
         };
         Some(Group { own: without(common_s), full: without(datum_uncertainty_s.min(common_s)), common_s })

@@ -157,7 +157,7 @@ fn row_7_takes_a_card_alone() {
     };
     let removed = by_default(&[own]);
     assert_eq!((removed.row, removed.source, removed.value_s), (7, Some(DelaySource::Card), Some(0.1234)));
-    assert!(removed.words.contains("not verified in flight"));
+    assert!(removed.words.contains("The IMU of no flight verified it"));
     assert_eq!(removed.contradicted, None);
     // A weak figure cannot be removed, but it can contradict the card.
     let weak = FlightSources {

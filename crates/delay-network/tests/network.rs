@@ -197,6 +197,24 @@ fn contradicting_lanes_are_scattered_and_widened() {
     assert!((network.covariance_s2[2][2].sqrt() - u).abs() < 1e-12 || network.channels[2].channel != "position.gps");
 }
 
+/// With t of few degrees of freedom, ±1.96 u of a pair alone is too narrow: the interval is that of the pair.
+#[test]
+fn the_interval_of_a_channel_is_as_wide_as_that_of_its_only_pair() {
+    let pair = position_velocity(("position.gps", 0.2), ("velocity.gps", 0.0), 0.05);
+    let model_s = NetworkSettings::default().model.of(EffectKind::MeasuredMeasured);
+    let half = |few_windows_s: f64| {
+        let network = solved(&[PairObservation { few_windows_s, ..pair.clone() }]);
+        let channel = network.channel("position.gps").unwrap();
+        assert!((channel.lateness_s.standard_uncertainty.unwrap() - 0.05_f64.hypot(model_s)).abs() < 1e-6);
+        let [low, high] = channel.interval_95_s;
+        assert!((low + high - 0.4).abs() < 1e-9, "the interval is about the value");
+        assert_eq!(network.channel("velocity.gps").unwrap().interval_95_s, [0.0, 0.0], "the zero has no uncertainty");
+        0.5 * (high - low)
+    };
+    assert!((half(0.0) - 1.96 * 0.05_f64.hypot(model_s)).abs() < 1e-6);
+    assert!((half(0.12) - 1.96 * 0.13_f64.hypot(model_s)).abs() < 1e-6, "5, 12, 13");
+}
+
 /// A chain of two pairs without a check: widening one pair widens the position by the same amount.
 #[test]
 fn widening_a_pair_widens_only_what_depends_on_it() {

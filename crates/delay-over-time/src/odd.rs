@@ -164,4 +164,25 @@ mod tests {
         let behind = offset(&e, 4, &State { place: [0.0; 2], velocity: [-15.0, -8.0] });
         assert!(behind.along < 0.0 && behind.is_behind());
     }
+
+    /// On a straight line, with noise of 0.3 m and the fixes off by `off`.
+    fn line(fixes: usize, speed: f64, off: impl Fn(usize) -> [f64; 2]) -> Odd {
+        let t: Vec<f64> = (0..fixes).map(|k| 0.2 * k as f64).collect();
+        let state = vec![State { place: [0.0; 2], velocity: [speed, 0.0] }; fixes];
+        let noise = |k: usize, c: f64| 0.3 * (c * k as f64).sin();
+        let e: Vec<[f64; 2]> = (0..fixes).map(|k| [noise(k, 1.7) + off(k)[0], noise(k, 2.3) + off(k)[1]]).collect();
+        odd_fixes(&t, &e, &state)
+    }
+
+    #[test]
+    fn few_fixes_slow_fixes_and_many_outliers_are_left_alone() {
+        let one = |k: usize| if k == 10 { [-15.0, 0.0] } else { [0.0; 2] };
+        assert_eq!(line(20, 15.0, one).rows.len(), 0, "one of 20 is more than 3 %");
+        assert_eq!(line(40, 15.0, one).rows, [10]);
+        assert_eq!(line(40, 1.9, one).rows.len(), 0, "at a standstill late and wrong look alike");
+        assert_eq!(line(40, 15.0, |k| if k % 20 == 10 { [-15.0, 0.0] } else { [0.0; 2] }).rows.len(), 0, "two of 40");
+        assert_eq!(line(80, 15.0, |k| if k % 40 == 10 { [-15.0, 0.0] } else { [0.0; 2] }).rows, [10, 50]);
+        // A step is not an outlier: the sides differ.
+        assert_eq!(line(40, 15.0, |k| if k >= 10 { [-15.0, 0.0] } else { [0.0; 2] }).rows.len(), 0);
+    }
 }

@@ -103,7 +103,7 @@ fn text(found: &DiffRecord) -> String {
         text += &format!("  {}\n", visible(line));
     }
     text += &format!(
-        "{} in both: {} moved by more than 2 sigma, {} by more than 10 % (uncertainty unknown), {} with another result, {} newly failing; {} only in the second{of_new}, {} only in the first\n",
+        "{} in both: {} moved by more than 2 sigma, {} by more than 10 % (uncertainty unknown), {} computed again, {} newly failing; {} only in the second{of_new}, {} only in the first\n",
         count(changes.compared, "flight"),
         count(by_sigmas as u64, "number"),
         by_a_tenth,
@@ -173,7 +173,7 @@ fn rerun(changes: &RunChanges) -> String {
         let causes: Vec<&str> = of.causes.iter().map(|cause| cause.word()).collect();
         table.row(vec![of.flight.flight.clone(), causes.join(", ")]);
     }
-    section("another result", &table, changes.rerun.len())
+    section("computed again", &table, changes.rerun.len())
 }
 
 fn lists(changes: &RunChanges) -> String {
@@ -309,8 +309,8 @@ mod tests {
             "first: a: 1 flight, settings \"usual\" (01234567), flightlag 1.2, analysis 7",
             "second: b: 9 flights, settings \"usual\" (01234567), flightlag 1.2, analysis 7",
             "delay.position_s: was 0.4, is 0.35",
-            "6 flights in both: 1 number moved by more than 2 sigma, 1 by more than 10 % (uncertainty unknown), 1 with \
-             another result, 1 newly failing; 2 only in the second (1 failing), 1 only in the first",
+            "6 flights in both: 1 number moved by more than 2 sigma, 1 by more than 10 % (uncertainty unknown), 1 \
+             computed again, 1 newly failing; 2 only in the second (1 failing), 1 only in the first",
             "groups that moved",
             "group first ms second ms sigma",
             "M8 200.0 ± 2.0 210.0 ± 2.0 7.1",
@@ -318,7 +318,7 @@ mod tests {
             "flight quantity first second unit sigma because of",
             "s lateness 200.0 ± 20.0 250.0 ± 20.0 ms +3.5 settings, build",
             "t lateness 0.200 0.250 m unknown settings, build",
-            "another result",
+            "computed again",
             "flight because of",
             "r log",
             "newly failing",

@@ -118,7 +118,7 @@ fn latency_text(lines: &[LatencyLine]) -> String {
             line.datum.clone(),
             line.flights.to_string(),
             with_u(&mean, "s"),
-            millis(line.between_s),
+            if line.flights > 1 { millis(line.between_s) } else { "-".to_owned() },
             millis(line.low_s),
             millis(line.high_s),
         ]);

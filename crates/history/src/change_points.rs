@@ -28,6 +28,7 @@
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
+use signal::{Reading, mean_of};
 
 /// Minimum number of values in a segment.
 const LEAST: usize = 3;
@@ -178,15 +179,13 @@ impl SharedMean {
     }
 }
 
-/// Standard deviation between all values in addition to their uncertainties (DerSimonian and Laird 1986): 0 if those
-/// explain everything.
+/// Standard deviation between all values in addition to their uncertainties (Paule and Mandel 1982): 0 if those explain
+/// everything. The moment estimator of DerSimonian and Laird is far too small where one value is much more certain than
+/// the others.
 fn spread_of_all(x: &[f64], u: &[f64]) -> f64 {
-    let weights: Vec<f64> = u.iter().map(|u| u.powi(-2)).collect();
-    let (sum, squares) = weights.iter().fold((0.0, 0.0), |(sum, squares), w| (sum + w, squares + w * w));
-    let mean = x.iter().zip(&weights).map(|(x, w)| w * x).sum::<f64>() / sum;
-    let q: f64 = x.iter().zip(&weights).map(|(x, w)| w * (x - mean).powi(2)).sum();
-    let variance = (q - (x.len() as f64 - 1.0)) / (sum - squares / sum);
-    if variance.is_finite() { variance.max(0.0).sqrt() } else { 0.0 }
+    let readings: Vec<Reading> =
+        x.iter().zip(u).map(|(&value, &standard_uncertainty)| Reading { value, standard_uncertainty }).collect();
+    mean_of(&readings).and_then(|mean| mean.between).unwrap_or(0.0)
 }
 
 /// Spread between neighbours in addition to their uncertainties: 0 if those explain everything.

@@ -122,6 +122,24 @@ mod tests {
         assert!((found.lateness_u_s - 0.025 / 4.0).abs() < 0.1e-3, "{found:?}");
     }
 
+    /// One flight known to 1 ms and seven to 20 ms, spread over 0.5 s: the certain one does not decide.
+    #[test]
+    fn one_certain_flight_does_not_hide_the_spread() {
+        let row = |n: usize| Row {
+            flight: format!("{n:03}"),
+            datum: Some("imu".into()),
+            lateness_s: Some([0.40, -0.10, 0.38, 0.02, 0.35, 0.36, 0.01, 0.39][n]),
+            lateness_u_s: Some(if n == 0 { 0.001 } else { 0.02 }),
+            lateness_model_u_s: Some(0.0),
+            ..Row::default()
+        };
+        let rows: Vec<Brief> = (0..8).map(|n| Brief::from(&row(n))).collect();
+        let found = latency(&latest_briefs(&rows)).into_iter().next().unwrap();
+        // Mean 226 ms and sample standard deviation 210 ms of the eight.
+        assert!((found.between_s - 0.210).abs() < 0.01, "{found:?}");
+        assert!((found.lateness_s - 0.226).abs() < 0.01 && found.lateness_u_s > 0.06, "{found:?}");
+    }
+
     /// The line for some flights that agree, each with U = 16 ms, of which `model_u_s` is the model's part.
     fn line(flights: usize, model_u_s: Option<f64>) -> LatencyLine {
         let row = |n: usize| Row {

@@ -38,7 +38,7 @@ pub struct FlightRow {
     pub map: Option<String>,
     /// Size of its files, bytes.
     pub bytes: u64,
-    /// Seconds flown, from the replay.
+    /// Seconds that the replay covers, or between the first and the last position where nothing was replayed.
     pub duration_s: Option<f64>,
     /// Position channel.
     pub position: Option<String>,

@@ -175,8 +175,9 @@ fn finish(view: &View, by: String, found: &[DelayGroup], rows: &Rows) -> Option<
     if kept.len() < 2 {
         return None;
     }
-    let (a, step, scale) = rows.solve(&kept)?;
-    let inflation = scale * view.fit.standard_uncertainty_s / view.fit.hessian_s;
+    let (a, step, _) = rows.solve(&kept)?;
+    // The common delay of all groups then has the uncertainty of the fit.
+    let inflation = view.fit.standard_uncertainty_s * a.sum().sqrt();
     let covariance = a.clone().cholesky()?.inverse();
     // Chi-squared of the differences: the residual after one common step for all.
     let ones = DVector::from_element(kept.len(), 1.0);

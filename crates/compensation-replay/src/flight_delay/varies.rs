@@ -52,9 +52,10 @@ pub(crate) fn over_time(
     };
     let mut found = analyse(&record, &settings).ok()?;
     if part.len() < first.t.len() {
+        let was = if found.constancy.tested { "was tested on" } else { "could only be tested on" };
         found.remarks.push(format!(
-            "Whether the delay stays the same was tested on the longest part without a pause of {LONGEST_PAUSE_S:.0} \
-             s, {} of {} fixes.",
+            "Whether the delay stays the same {was} the longest part without a pause of {LONGEST_PAUSE_S:.0} s, {} of {} \
+             fixes.",
             part.len(),
             first.t.len()
         ));

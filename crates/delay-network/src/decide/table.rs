@@ -105,7 +105,7 @@ impl Table<'_> {
     /// Rows 7 and 8.
     fn without_own_delay(&self, card: Option<Estimate>) -> Choice {
         if let (Some(card), None) = (card, self.relative()) {
-            let text = "The delay on the sensor card is removed. It was not verified in flight.".to_owned();
+            let text = "The delay on the sensor card is removed. The IMU of no flight verified it.".to_owned();
             return Choice { contradicted: self.contradiction("The card", card), ..card_choice(7, card, text) };
         }
         let stated = self.flight.stated_s.filter(sound);
@@ -149,7 +149,7 @@ impl Table<'_> {
                     count(measured.flights())
                 ),
             ),
-            _ => (7, "The delay on the sensor card is removed. It was not verified in flight.".to_owned()),
+            _ => (7, "The delay on the sensor card is removed. The IMU of no flight verified it.".to_owned()),
         };
         let contradicted = self.contradiction("The card", card);
         Choice { card_e_n: found, contradicted, ..card_choice(row, card, text) }

@@ -460,4 +460,21 @@ mod tests {
             [0, 1000, 2000, 3000, 4000, 5000]
         );
     }
+
+    /// Values that change by one step nearly every time are rounded; other repeats are held values.
+    #[test]
+    fn values_that_change_by_one_step_are_rounded() {
+        let rounded = |values: &[f64]| {
+            let mut samples = Unstamped::new(1, values.len());
+            values.iter().enumerate().for_each(|(row, value)| samples.push(row, [*value, 0.0, 0.0, 0.0]));
+            let samples = samples.stamped(|row| row as i64);
+            samples.is_rounded(&(0..values.len()).collect::<Vec<usize>>(), 1)
+        };
+        assert!(rounded(&[0.0, 0.1, 0.1, 0.2, 0.1, 0.1, 0.0]));
+        assert!(!rounded(&[0.0, 0.1, 0.1, 0.7, 0.2, 0.9, 0.3]));
+        // Four of five changes are of one step; three of four are too few.
+        assert!(rounded(&[0.0, 1.0, 2.0, 3.0, 4.0, 6.0]));
+        assert!(!rounded(&[0.0, 1.0, 2.0, 3.0, 5.0]));
+        assert!(!rounded(&[1.0, 1.0, 1.0]), "no change shows no step");
+    }
 }

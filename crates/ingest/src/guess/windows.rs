@@ -296,4 +296,18 @@ mod tests {
         position.values.iter_mut().enumerate().for_each(|(i, v)| *v = [1e-3 * (i % 7) as f64, 0.0, 0.0]);
         assert!(Windows::new(position, velocity).is_none());
     }
+
+    /// ∫ of 2t from 1 to 3 is 8; the hole from 3 to 9 counts, and the integral after it goes on.
+    #[test]
+    fn an_integral_counts_the_holes_before_a_time() {
+        let trace = Trace::new([1.0, 2.0, 3.0, 9.0, 10.0].map(|t| (t, [2.0 * t])).to_vec());
+        let integral = trace.integral(5.0);
+        assert_eq!(integral.of(0.9), None);
+        assert_eq!(integral.of(1.0), Some(([0.0], 0)));
+        assert_eq!(integral.of(2.0), Some(([3.0], 0)));
+        assert_eq!(integral.of(2.5), Some(([5.5], 0)), "linear between the rows");
+        let ([after], holes) = integral.of(9.5).unwrap();
+        assert_eq!((after, holes), (8.0 + 72.0 + 9.5, 1));
+        assert_eq!(integral.of(10.0), None, "nothing follows the last row");
+    }
 }

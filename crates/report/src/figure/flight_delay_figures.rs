@@ -23,10 +23,10 @@ pub(crate) fn delay_over_time(pair: &PairDelay, found: &MeasuredDelay) -> Option
     let y = Axis::linear("delay (ms)", extent(&lines, |p| p.1)?, 7);
     lines.extend(step(found, &x, &y));
     let mut caption = format!(
-        "Delay of {} against {} in ms, in {} that do not overlap, over the time of their middles; positive is late.",
+        "Delay of {} against {} in ms, in {}, over the time of the middle; positive is late.",
         label(&pair.first),
         label(&pair.second),
-        number::counted(drawn as u64, "window", "windows"),
+        if drawn == 1 { "one window".to_owned() } else { format!("{drawn} windows that do not overlap") },
     );
     if drawn < found.over_time.len() {
         caption +=

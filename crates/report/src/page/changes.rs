@@ -51,7 +51,7 @@ fn answer(changes: &CampaignChanges) -> Markup {
             @else if changes.is_empty() { "Nothing changed." }
             @else {
                 b { (count(changes.failing.len())) " newly failing" } ", " (count(changes.moved.len())) " with a lateness that moved by more than 2\u{a0}σ, "
-                (count(changes.rerun.len())) " with another result, " (count(changes.new.len())) " new, " (count(changes.gone.len()))
+                (count(changes.rerun.len())) " computed again, " (count(changes.new.len())) " new, " (count(changes.gone.len()))
                 " gone, " (count(changes.recovered.len())) " no longer failing."
             }
         }

@@ -23,7 +23,7 @@ pub fn diff_site(record: &DiffRecord) -> Site {
             h1 { (shown(&title)) }
             p.answer {
                 b { (count(by_sigmas)) " moved by more than 2\u{a0}σ" } ", " (count(by_a_tenth)) " by more than 10\u{a0}% (uncertainty unknown), of " (number::count(changes.compared)) " flights in both, "
-                (count(changes.rerun.len())) " with another result, " (count(failing.len())) " newly failing, "
+                (count(changes.rerun.len())) " computed again, " (count(failing.len())) " newly failing, "
                 (count(changes.new.len())) " only in the second"
                 @if !failing_new.is_empty() { " (" (count(failing_new.len())) " failing)" }
                 ", " (count(changes.gone.len())) " only in the first."

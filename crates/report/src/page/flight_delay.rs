@@ -245,6 +245,7 @@ fn uncertainty(pair: &PairDelay, found: &MeasuredDelay) -> Markup {
             "The position is fitted by the integral of the velocity (or the one track by the other), shifted by δ, with an \
              offset and a drift for each piece. Standard uncertainty from the curvature alone " (ms(found.hessian_s))
             ", allowing for autocorrelation (sandwich, HAC) " (ms(found.hac_s))
+            @if found.widened_s > 0.0 { ", for what one delay does not explain " (ms(found.widened_s)) }
             "; Cramér–Rao bound at the fitted noise "
             (ms(found.crlb_s)) ". Outliers: about " (number::percent(found.outlier_share())) "\u{a0}% of the samples."
             @if let Some(origin) = &pair.origin { " t = 0: " (super::method::instant(origin.origin_ns, origin.clock)) "." }

@@ -328,7 +328,8 @@ fn channel_row(c: &ChannelLateness) -> Markup {
                 None => { "—" }
             } }
             td { (shown(&against)) }
-            td.n { (plain(c.model_uncertainty_s * 2e3, 2)) }
+            // Rounding leaves 1e-17 where there is no such part.
+            td.n { (plain(if c.model_uncertainty_s < 1e-9 { 0.0 } else { c.model_uncertainty_s * 2e3 }, 2)) }
             td.any {
                 (maybe(c.rests_on.as_deref(), |text| html! { (shown(text)) }))
                 @if let Some(own) = &c.filter_not_a_delay { ". A filter, not a delay: " (estimate(&in_millis(own))) "\u{a0}ms against its own IMU." }

@@ -296,5 +296,5 @@ fn the_tracks_of_the_newest_flights_are_available_on_demand() {
 #[test]
 fn the_removed_delay_is_stated_for_each_group() {
     let text = words(&text(&site(&varied(200)), "index.html"));
-    assert_eq!(text.matches(&format!("Removed: {} ms (stated in the pipeline)", 1e3 * REMOVED_S)).count(), 4);
+    assert_eq!(text.matches(&format!("Removed: {:.1} ms (stated in the pipeline)", 1e3 * REMOVED_S)).count(), 4);
 }

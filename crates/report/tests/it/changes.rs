@@ -48,7 +48,7 @@ fn words(changes: &CampaignChanges) -> String {
 fn the_page_lists_new_rerun_moved_and_newly_failing_flights() {
     let text = words(&all_kinds());
     for said in [
-        "1 newly failing, 1 with a lateness that moved by more than 2 σ, 2 with another result, 1 new, 1 gone, 1 no longer failing.",
+        "1 newly failing, 1 with a lateness that moved by more than 2 σ, 2 computed again, 1 new, 1 gone, 1 no longer failing.",
         "flightlag was 0.1.0, is 0.2.0.",
         "2 flights, the log has changed: ",
         "flight-0003.mcap: harmed",

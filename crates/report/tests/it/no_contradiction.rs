@@ -154,6 +154,23 @@ fn advice_that_differs_in_its_numbers_is_one_thing_to_do() {
     assert!(text.contains("each page has its own"), "{text}");
 }
 
+/// Former bug: only the most frequent advice was shown. The flights without a lateness come first.
+#[test]
+fn every_kind_of_flight_that_is_needed_is_a_thing_to_do() {
+    let mut campaign = campaign_record(3);
+    let advised = ["Fly 2 minutes of turns.", "Fly a minute of circles.", "Fly 2 minutes of turns."];
+    for (row, fly) in campaign.flights.iter_mut().zip(advised) {
+        let advice = DelayAdvice { set: vec![], fly: Some(fly.to_owned()) };
+        row.lateness = Some(FlightLateness { advice, alarms: vec![], ..lateness() });
+    }
+    campaign.flights[1].lateness.as_mut().unwrap().lateness = None;
+    let text = to_do(&campaign);
+    let at = |what: &str| text.find(what).unwrap_or_else(|| panic!("{what}: {text}"));
+    assert!(at("Fly a minute of circles") < at("Fly 2 minutes of turns"), "{text}");
+    assert!(text.contains("1 flight does not show how late the position is"), "{text}");
+    assert!(text.contains("2 flights do not show whether the delay changes"), "{text}");
+}
+
 /// Former bug: "Nothing to do", while the pages of the flights said to remove another delay.
 #[test]
 fn a_removed_delay_that_leaves_a_larger_error_is_a_thing_to_do() {

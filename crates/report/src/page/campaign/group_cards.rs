@@ -206,8 +206,8 @@ fn removal(rows: &[&FlightRow]) -> Markup {
         @match ends {
             None => { "Nothing was removed." }
             Some((low, high)) => {
-                "Removed: " (number::exact(1e3 * low))
-                @if high > low { " to " (number::exact(1e3 * high)) }
+                "Removed: " (number::fixed(1e3 * low, 1))
+                @if high > low { " to " (number::fixed(1e3 * high, 1)) }
                 "\u{a0}ms"
                 @for (i, source) in sources.iter().enumerate() { @if i == 0 { " (" } @else { ", " } (source_phrase(*source)) }
                 @if !sources.is_empty() { ")" }

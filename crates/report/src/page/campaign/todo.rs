@@ -192,8 +192,8 @@ fn failed(flights: &[FlightRow]) -> Option<Action> {
     (!rows.is_empty()).then_some(Action { saves_m: 0.0, what })
 }
 
-/// What to fly: the most frequent advice. Advice that differs only in its numbers is one advice.
-fn fly(flights: &[FlightRow]) -> Option<Action> {
+/// What to fly, first for flights without a lateness. Advice that differs only in its numbers is one advice.
+fn fly(flights: &[FlightRow]) -> Vec<Action> {
     let mut by_kind: BTreeMap<String, Vec<(&FlightRow, &str)>> = BTreeMap::new();
     for row in flights.iter().filter(|row| row.duplicate_of.is_none()) {
         if let Some(fly) = row.lateness.as_ref().and_then(|l| l.advice.fly.as_deref()) {
@@ -201,7 +201,13 @@ fn fly(flights: &[FlightRow]) -> Option<Action> {
             by_kind.entry(kind).or_default().push((row, fly));
         }
     }
-    let (_, of_kind) = by_kind.into_iter().max_by_key(|(_, rows)| rows.len())?;
+    let mut kinds: Vec<Vec<(&FlightRow, &str)>> = by_kind.into_values().collect();
+    let without = |(row, _): &&(&FlightRow, &str)| row.lateness.as_ref().is_some_and(|l| l.lateness.is_none());
+    kinds.sort_by_key(|rows| std::cmp::Reverse((rows.iter().filter(without).count(), rows.len())));
+    kinds.into_iter().map(fly_for).collect()
+}
+
+fn fly_for(of_kind: Vec<(&FlightRow, &str)>) -> Action {
     let advice = of_kind[0].1;
     let is_same = of_kind.iter().all(|(_, other)| *other == advice);
     let rows: Vec<&FlightRow> = of_kind.into_iter().map(|(row, _)| row).collect();
@@ -215,12 +221,12 @@ fn fly(flights: &[FlightRow]) -> Option<Action> {
         @if lacks < rows.len() { (number::counted((rows.len() - lacks) as u64, "flight does not", "flights do not")) " show whether the delay changes" }
         ": " (names(&rows)) "."
     };
-    Some(Action { saves_m: 0.0, what })
+    Action { saves_m: 0.0, what }
 }
 
 /// How to get true time for flights that show only the difference of two channels, so that nothing was removed.
 fn relative(record: &CampaignRecord) -> Option<Action> {
-    let groups = record.groups.iter().filter(|g| is_relative(g) && g.lateness_s.is_some());
+    let groups = record.groups.iter().filter(|g| is_relative(g));
     let rows: Vec<&FlightRow> =
         groups.flat_map(|g| members(g, &record.flights)).filter(|r| r.delay_s.is_none()).collect();
     let is_told = |r: &&FlightRow| r.lateness.as_ref().is_some_and(|l| l.lateness.is_some());
