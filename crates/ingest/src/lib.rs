@@ -13,7 +13,6 @@ mod error;
 mod guess;
 mod load;
 mod map;
-mod map_schema;
 mod platform;
 
 pub use bind::{RowTimes, TableTimes, bind, row_times};
@@ -27,4 +26,4 @@ pub use formats::{
 pub use load::{Loaded, load, load_orientations, suggest};
 pub use map::{ChannelMap, EXAMPLE_MAP, MapLibrary, MapSelect, SelectAll};
 #[cfg(feature = "schema")]
-pub use map_schema::channel_map_schema;
+pub use map_file::channel_map_schema;

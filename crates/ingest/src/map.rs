@@ -2,14 +2,14 @@
 
 use crate::definitions::Definitions;
 use crate::error::IngestError;
-use crate::map_schema::{
-    ChannelEntry, ClockName, ContainerStamp, FieldEntry, FieldTable, FrameName, HeightAbove, MapFile, OneOrMore,
-    RequireEntry, TimeEntry, TimeTable, TimeText, UtcEntry, WhenEntry,
-};
 use flight::{Clock, Dimension, GPS_EPOCH_UNIX_S, Quantity, StampKind, TAI_LESS_GPS_S, Unit};
 use formats::civil::{DateOrder, Tick, offset_seconds};
 use formats::{FieldRequest, Select, Selection, TopicInfo, ValueKind};
 use logscan::ScanError;
+use map_file::{
+    ChannelEntry, ClockName, ContainerStamp, FieldEntry, FieldTable, FrameName, HeightAbove, MapFile, OneOrMore,
+    RequireEntry, TimeEntry, TimeTable, TimeText, UtcEntry, WhenEntry,
+};
 use settings::{Refused, SettingsFile};
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -628,7 +628,7 @@ impl ChannelMap {
     /// [`IngestError::BadMap`] with the line and the error.
     pub fn from_toml(path: &Path, text: &str) -> Result<ChannelMap, IngestError> {
         let file = SettingsFile::new(text, path);
-        let map = file.read().and_then(|written| meaning_of(written, &file, text));
+        let map = map_file::read(&file).and_then(|written| meaning_of(written, &file, text));
         file.finish(map).map_err(|e| IngestError::BadMap { path: path.to_owned(), line: e.line, what: e.what })
     }
 

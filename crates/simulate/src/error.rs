@@ -35,13 +35,14 @@ pub enum SimulateError {
     #[error("MCAP writer: {0}")]
     Mcap(#[from] mcap::McapError),
     /// SQLite failed.
-    #[cfg(feature = "db3")]
+    #[cfg(feature = "every-format")]
     #[error("SQLite: {0}")]
     Sqlite(#[from] rusqlite::Error),
     /// A record cannot be written as JSON.
     #[error("JSON: {0}")]
     Json(#[from] serde_json::Error),
     /// Only a flight can be written in this format.
+    #[cfg(feature = "every-format")]
     #[error("only flights can be written as {0}")]
     OnlyFlights(&'static str),
     /// Samples that are not a valid series: a bug in the simulation.

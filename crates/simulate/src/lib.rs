@@ -25,12 +25,13 @@ mod bench;
 mod damage;
 mod demo;
 mod error;
+#[cfg(feature = "every-format")]
 mod golden;
 mod onboard;
 mod presets;
 mod random;
 mod samples;
-#[cfg(feature = "db3")]
+#[cfg(feature = "every-format")]
 mod seeds;
 mod sensor;
 mod simulated;
@@ -45,14 +46,15 @@ pub use bench::{
 pub use damage::{cut_off, zero_block};
 pub use demo::{DemoFlight, DemoManifest, TRUTH_FILE, write_campaign, write_demo};
 pub use error::SimulateError;
+#[cfg(feature = "every-format")]
 pub use golden::{assert_golden, one_field_per_line, one_tag_per_line};
 pub use presets::LikeCase;
 pub use samples::Samples;
-#[cfg(feature = "db3")]
+#[cfg(feature = "every-format")]
 pub use seeds::{Seed, seeds, tiny_flight};
 pub use sensor::{Interval, SensorSettings, Wander};
 pub use simulated::{FlightSettings, PathKind, SimulatedFlight, simulate};
 pub use trajectory::{Motion, Trajectory};
 pub use write::{BagCompression, BagSettings, Container, LogFile, McapCompression, McapEncoding, McapSettings};
-#[cfg(feature = "db3")]
+#[cfg(feature = "every-format")]
 pub use write::{Db3Compression, Db3Layout, Db3Settings};

@@ -3,23 +3,28 @@
 mod bag;
 mod camera;
 mod csv;
+#[cfg(feature = "every-format")]
 mod dataflash;
-#[cfg(feature = "db3")]
+#[cfg(feature = "every-format")]
 mod db3;
 pub(crate) mod definition;
 mod flight_log;
 mod idl;
 mod mcap;
 pub(crate) mod message;
+#[cfg(feature = "every-format")]
 mod nmea;
 mod protobuf;
 pub(crate) mod ros;
+#[cfg(feature = "every-format")]
 mod tlog;
+#[cfg(feature = "every-format")]
 mod ubx;
+#[cfg(feature = "every-format")]
 mod ulog;
 
 pub use bag::{BagCompression, BagSettings};
-#[cfg(feature = "db3")]
+#[cfg(feature = "every-format")]
 pub use db3::{Db3Compression, Db3Layout, Db3Settings};
 pub use mcap::{McapCompression, McapEncoding, McapSettings};
 
@@ -41,20 +46,26 @@ pub enum Container {
     Mcap(McapSettings),
     /// ROS 1 bag 2.0.
     Bag(BagSettings),
+    #[cfg(feature = "every-format")]
     /// PX4 ULog: topics of PX4, timestamps in whole µs since the autopilot was switched on, velocities, attitudes and
     /// vectors as 32-bit floats. Data without a PX4 topic is skipped.
     Ulog,
+    #[cfg(feature = "every-format")]
     /// ArduPilot DataFlash. Only for flights.
     DataFlash,
+    #[cfg(feature = "every-format")]
     /// ArduPilot DataFlash as text. Only for flights.
     DataFlashText,
     /// ROS 2 bag in SQLite.
-    #[cfg(feature = "db3")]
+    #[cfg(feature = "every-format")]
     Db3(Db3Settings),
+    #[cfg(feature = "every-format")]
     /// NMEA 0183: no vertical speed and no truth. Only for flights.
     Nmea,
+    #[cfg(feature = "every-format")]
     /// UBX of a u-blox receiver: no truth. Only for flights.
     Ubx,
+    #[cfg(feature = "every-format")]
     /// MAVLink telemetry. Only for flights.
     Tlog,
 }
@@ -95,15 +106,24 @@ impl Container {
     /// # Errors
     /// [`SimulateError::Mcap`], [`SimulateError::Json`] or [`SimulateError::Compress`] if a writer fails.
     pub fn files(self, flight: &SimulatedFlight, stem: &str) -> Result<Vec<LogFile>, SimulateError> {
-        let one = |bytes| Ok(vec![LogFile { path: self.path(stem), bytes }]);
-        match self {
-            Container::DataFlash => one(dataflash::binary(flight)),
-            Container::DataFlashText => one(dataflash::text(flight)),
-            Container::Nmea => one(nmea::write(flight)),
-            Container::Ubx => one(ubx::write(flight)),
-            Container::Tlog => one(tlog::write(flight)),
-            _ => self.write(stem, || flight_log::logbook(flight), || csv::wide(flight)),
+        #[cfg(feature = "every-format")]
+        if let Some(bytes) = self.own_format(flight) {
+            return Ok(vec![LogFile { path: self.path(stem), bytes }]);
         }
+        self.write(stem, || flight_log::logbook(flight), || csv::wide(flight))
+    }
+
+    /// A flight in a format that only flights have.
+    #[cfg(feature = "every-format")]
+    fn own_format(self, flight: &SimulatedFlight) -> Option<Vec<u8>> {
+        Some(match self {
+            Container::DataFlash => dataflash::binary(flight),
+            Container::DataFlashText => dataflash::text(flight),
+            Container::Nmea => nmea::write(flight),
+            Container::Ubx => ubx::write(flight),
+            Container::Tlog => tlog::write(flight),
+            _ => return None,
+        })
     }
 
     /// The flight's files including images of a camera and a laser scanner, about five times as many bytes as
@@ -140,12 +160,17 @@ impl Container {
             Container::CsvFolder => csv::folder(&log(), stem),
             Container::Mcap(settings) => one("mcap", mcap::write(&log(), settings)?),
             Container::Bag(settings) => one("bag", bag::write(&log(), settings)?),
+            #[cfg(feature = "every-format")]
             Container::Ulog => one("ulg", ulog::write(&log())),
+            #[cfg(feature = "every-format")]
             Container::DataFlash | Container::DataFlashText => return Err(SimulateError::OnlyFlights("DataFlash")),
-            #[cfg(feature = "db3")]
+            #[cfg(feature = "every-format")]
             Container::Db3(settings) => db3::write(&log(), stem, settings)?,
+            #[cfg(feature = "every-format")]
             Container::Nmea => return Err(SimulateError::OnlyFlights("NMEA")),
+            #[cfg(feature = "every-format")]
             Container::Ubx => return Err(SimulateError::OnlyFlights("UBX")),
+            #[cfg(feature = "every-format")]
             Container::Tlog => return Err(SimulateError::OnlyFlights("MAVLink telemetry")),
         })
     }
@@ -158,13 +183,19 @@ impl Container {
             Container::CsvFolder => stem.into(),
             Container::Mcap(_) => format!("{stem}.mcap").into(),
             Container::Bag(_) => format!("{stem}.bag").into(),
+            #[cfg(feature = "every-format")]
             Container::Ulog => format!("{stem}.ulg").into(),
+            #[cfg(feature = "every-format")]
             Container::DataFlash => format!("{stem}.bin").into(),
+            #[cfg(feature = "every-format")]
             Container::DataFlashText => format!("{stem}.log").into(),
+            #[cfg(feature = "every-format")]
             Container::Nmea => format!("{stem}.nmea").into(),
+            #[cfg(feature = "every-format")]
             Container::Ubx => format!("{stem}.ubx").into(),
+            #[cfg(feature = "every-format")]
             Container::Tlog => format!("{stem}.tlog").into(),
-            #[cfg(feature = "db3")]
+            #[cfg(feature = "every-format")]
             Container::Db3(settings) => match settings.paths(stem).as_slice() {
                 [only] => only.into(),
                 _ => stem.into(),
@@ -185,7 +216,7 @@ pub(crate) fn save(folder: &Path, files: &[LogFile]) -> Result<(), SimulateError
     })
 }
 
-#[cfg(all(test, feature = "db3"))]
+#[cfg(all(test, feature = "every-format"))]
 mod tests {
     use super::*;
     use crate::sensor::SensorSettings;

@@ -7,13 +7,13 @@ use super::order::{self, FAR_NS, Reason, Samples, Unstamped};
 use super::plan::{Found, Plan};
 use super::stamp_columns::Stamps;
 use crate::map::{ChannelRule, Combine, Part, Presence};
-use crate::map_schema::HeightAbove;
 use flight::{
     Channel, ChannelHealth, ChannelSource, Code, Graded, Held, NANOS_PER_SECOND, Notices, Quantity, RejectCount,
     Series, Severity, Stamp, StampHealth, StampKind, StampOffset, Timeline,
 };
 use formats::stamps::{StampStats, distribution};
 use formats::time::suspicion;
+use map_file::HeightAbove;
 use std::collections::HashMap;
 
 /// With fewer runs than this, holding is not inferred.

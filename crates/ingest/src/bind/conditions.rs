@@ -1,7 +1,7 @@
 //! Conditions that a row must meet to be used: on its own fields, or on another message of the same epoch.
 
-use crate::map_schema::RequireEntry;
 use formats::{Column, Log, Table};
+use map_file::RequireEntry;
 use std::borrow::Cow;
 use std::collections::HashMap;
 

@@ -5,9 +5,9 @@ use super::conditions::{Condition, Values};
 use super::plan::{Found, Plan};
 use super::stamp_columns::Stamps;
 use crate::map::{ChannelMap, ChannelRule};
-use crate::map_schema::HeightAbove;
 use flight::Unit;
 use formats::{Column, ColumnData, Log, Table};
+use map_file::HeightAbove;
 use std::collections::HashSet;
 
 /// A plan with the indices of its columns in place of references.

@@ -3,9 +3,9 @@
 use super::conditions::Condition;
 use super::stamp_columns::Stamps;
 use crate::map::ChannelRule;
-use crate::map_schema::HeightAbove;
 use flight::{Quantity, Unit};
 use formats::{Column, Table};
+use map_file::HeightAbove;
 
 /// A rule with the columns that it found.
 pub(super) struct Plan<'a> {

@@ -41,7 +41,7 @@ pub enum McapCompression {
     /// Uncompressed chunks.
     None,
     /// LZ4 frames.
-    #[cfg(feature = "lz4")]
+    #[cfg(feature = "every-format")]
     Lz4,
     /// Zstandard.
     Zstd,
@@ -188,7 +188,7 @@ impl McapCompression {
     fn algorithm(self) -> Option<Compression> {
         match self {
             McapCompression::None | McapCompression::Unchunked => None,
-            #[cfg(feature = "lz4")]
+            #[cfg(feature = "every-format")]
             McapCompression::Lz4 => Some(Compression::Lz4),
             McapCompression::Zstd => Some(Compression::Zstd),
         }

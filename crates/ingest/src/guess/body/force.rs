@@ -129,3 +129,19 @@ fn by_mean(forces: &Trace<3>, z: &str) -> Result<(&'static str, String), String>
         m => Err(format!("{z} is {m:.2} g on average, and there is no attitude: it is unknown where the axes point")),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Up is 2 g along the second axis in one of four rows, so 1 g rms; the force is its half, or half of its opposite.
+    #[test]
+    fn an_axis_follows_gravity_or_points_the_other_way() {
+        let pairs = |sign: f64| [0.0, 2.0 * GRAVITY, 0.0, 0.0].map(|up| ([7.0, sign * 0.5 * up], [0.0, up]));
+        let near = |a: (f64, f64), b: (f64, f64)| (a.0 - b.0).abs() < 1e-12 && (a.1 - b.1).abs() < 1e-12;
+        assert!(near(agreement(&pairs(1.0), 1), (1.0, 1.0)));
+        assert!(near(agreement(&pairs(-1.0), 1), (-1.0, 1.0)));
+        assert!(near(agreement(&pairs(1.0), 0), (0.0, 0.0)), "it sees no gravity");
+        assert!(near(agreement(&[], 0), (0.0, 0.0)));
+    }
+}

@@ -1,4 +1,7 @@
 //! A channel map as written in its file. Every struct rejects unknown fields.
+//!
+//! A crate of its own, because what TOML and serde make of these structs is a sixth of the code of `ingest`, and is compiled
+//! without optimisation here: it runs once for each map.
 
 use flight::{Quantity, StampKind, Unit};
 use formats::Log;
@@ -8,49 +11,58 @@ use schemars::JsonSchema;
 use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer, StrDeserializer};
 use serde::de::{Error, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
+use settings::{Refused, SettingsFile};
 use std::collections::BTreeSet;
 use std::fmt::Formatter;
 use std::marker::PhantomData;
 use toml::Spanned;
 
+/// Reads the file of a channel map. Complaints are kept by `file`.
+///
+/// # Errors
+/// The text is not TOML, or nothing of the right type was found.
+pub fn read(file: &SettingsFile<'_>) -> Result<MapFile, Refused> {
+    file.read()
+}
+
 /// A channel map: which topic and field becomes which channel, in which unit, frame and timeline.
 #[derive(Debug, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
-pub(crate) struct MapFile {
+pub struct MapFile {
     /// Version of this format: 1.
     #[cfg_attr(feature = "schema", schemars(with = "u32"))]
-    pub(crate) schema: Spanned<u32>,
+    pub schema: Spanned<u32>,
     /// Short name, for `--map`.
-    pub(crate) name: String,
+    pub name: String,
     /// Title in one line.
-    pub(crate) title: String,
+    pub title: String,
     /// Whether the map binds any log with certain types. A map made for a specific device takes precedence.
     #[serde(default)]
-    pub(crate) generic: bool,
+    pub generic: bool,
     /// Sources of timestamps for all channels without their own.
     #[serde(default)]
-    pub(crate) time: TimeTable,
+    pub time: TimeTable,
     /// Ties of the clock since boot to UTC. The first one that the log has is used.
     #[serde(default)]
     #[cfg_attr(feature = "schema", schemars(with = "Vec<UtcEntry>"))]
-    pub(crate) utc: Vec<Spanned<UtcEntry>>,
+    pub utc: Vec<Spanned<UtcEntry>>,
     /// The channels. If several have the same name, for different types, the first one that finds its data is used.
     #[cfg_attr(feature = "schema", schemars(with = "Vec<ChannelEntry>"))]
-    pub(crate) channel: Vec<Spanned<ChannelEntry>>,
+    pub channel: Vec<Spanned<ChannelEntry>>,
 }
 
 /// Sources of timestamps by kind. The first one of each kind that exists is used.
 #[derive(Debug, Clone, Default, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields, default)]
-pub(crate) struct TimeTable {
+pub struct TimeTable {
     /// Time at which the value was true, according to the device.
-    pub(crate) measured: Vec<TimeEntry>,
+    pub measured: Vec<TimeEntry>,
     /// Time at which the driver sent the message.
-    pub(crate) published: Vec<TimeEntry>,
+    pub published: Vec<TimeEntry>,
     /// Time at which the logger received it.
-    pub(crate) logged: Vec<TimeEntry>,
+    pub logged: Vec<TimeEntry>,
 }
 
 /// A topic with both the time since boot and UTC in each message, such as that of a receiver. It dates the flight; the
@@ -58,20 +70,20 @@ pub(crate) struct TimeTable {
 #[derive(Debug, Clone, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
-pub(crate) struct UtcEntry {
+pub struct UtcEntry {
     /// As in a channel.
     #[serde(default)]
-    pub(crate) topic: Vec<String>,
+    pub topic: Vec<String>,
     /// As in a channel.
     #[serde(default, rename = "type")]
-    pub(crate) types: Vec<String>,
+    pub types: Vec<String>,
     /// The clock that is tied: a field with a unit and the clock `boot` or `elapsed`.
-    pub(crate) stamp: TimeEntry,
+    pub stamp: TimeEntry,
     /// UTC or GPS time in the same message.
-    pub(crate) utc: TimeEntry,
+    pub utc: TimeEntry,
     /// Conditions on a message, such as a fix.
     #[serde(default)]
-    pub(crate) require: Vec<RequireEntry>,
+    pub require: Vec<RequireEntry>,
 }
 
 /// One source of timestamps: `container`, or `field` with `unit`, or `field` with `text`, or `date`, `time` and
@@ -79,63 +91,63 @@ pub(crate) struct UtcEntry {
 #[derive(Debug, Clone, Default, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields, default)]
-pub(crate) struct TimeEntry {
+pub struct TimeEntry {
     /// A timestamp that the container has for every message.
-    pub(crate) container: Option<ContainerStamp>,
+    pub container: Option<ContainerStamp>,
     /// A field of the message.
-    pub(crate) field: Option<String>,
+    pub field: Option<String>,
     /// Unit of its number.
-    pub(crate) unit: Option<Tick>,
+    pub unit: Option<Tick>,
     /// Format of its text.
-    pub(crate) text: Option<TimeText>,
+    pub text: Option<TimeText>,
     /// The GPS week; `field` is then the time in the week. If all weeks are below 1024, they are read as a ten-bit
     /// counter: the weeks nearest to the date of another clock of the log are used, otherwise those that end about a
     /// year after this release. Week 0 means no fix.
-    pub(crate) week: Option<String>,
+    pub week: Option<String>,
     /// With a week: a field of nanoseconds to add.
-    pub(crate) nanos: Option<String>,
+    pub nanos: Option<String>,
     /// Columns of year, month, day, hour, minute and second, and optionally of nanoseconds. The second may have a
     /// fraction.
-    pub(crate) calendar: Option<Vec<String>>,
+    pub calendar: Option<Vec<String>>,
     /// With a calendar: a counter of the device. It dates rows without a date, or with a date more than a day away from
     /// most others.
-    pub(crate) counter: Option<CounterEntry>,
+    pub counter: Option<CounterEntry>,
     /// Column of a date: `yyyy-mm-dd`, `yyyy/mm/dd`, `yyyymmdd`, `yyyy-ddd`, `dd.mm.yyyy` or `dd-Mon-yyyy`. Dates such
     /// as `05/06/2021` or `050621` are ambiguous: the order is inferred from the column, or stated by `order`.
-    pub(crate) date: Option<String>,
+    pub date: Option<String>,
     /// With a date: the order of day, month and year.
-    pub(crate) order: Option<DateOrder>,
+    pub order: Option<DateOrder>,
     /// Column of a time of day, `hh:mm:ss`, or `hhmmss` if all its rows can be that.
-    pub(crate) time: Option<String>,
+    pub time: Option<String>,
     /// Column of the offset from UTC, `+hh:mm`.
-    pub(crate) offset: Option<String>,
+    pub offset: Option<String>,
     /// Offset from UTC of all rows, `+hh:mm`, for dates that do not state their own. Default: UTC. It is a fixed
     /// offset, not a zone with daylight saving time.
-    pub(crate) zone: Option<String>,
+    pub zone: Option<String>,
     /// Year in which the log begins, for days of the year without a year.
-    pub(crate) year: Option<i16>,
+    pub year: Option<i16>,
     /// Width of a counter that wraps around to zero, bits. Default: 32.
-    pub(crate) bits: Option<u32>,
+    pub bits: Option<u32>,
     /// The clock; `unix` where text states the instant.
-    pub(crate) clock: Option<ClockName>,
+    pub clock: Option<ClockName>,
 }
 
 /// A counter of a device, of 32 bits or more.
 #[derive(Debug, Clone, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
-pub(crate) struct CounterEntry {
+pub struct CounterEntry {
     /// The field.
-    pub(crate) field: String,
+    pub field: String,
     /// Unit of its number.
-    pub(crate) unit: Tick,
+    pub unit: Tick,
 }
 
 /// A timestamp of the container.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
-pub(crate) enum ContainerStamp {
+pub enum ContainerStamp {
     /// Time at which the message was written, according to the container.
     Logged,
     /// Time at which the message was published, according to the container.
@@ -149,7 +161,7 @@ pub(crate) enum ContainerStamp {
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
-pub(crate) enum TimeText {
+pub enum TimeText {
     /// `2024-05-10T17:27:44.30Z`; UTC if it has no zone.
     #[serde(rename = "iso-8601")]
     Iso8601,
@@ -164,7 +176,7 @@ pub(crate) enum TimeText {
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
-pub(crate) enum ClockName {
+pub enum ClockName {
     /// UTC since 1970.
     Unix,
     /// GPS time since 1980.
@@ -191,7 +203,7 @@ pub(crate) enum ClockName {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
-pub(crate) enum FrameName {
+pub enum FrameName {
     /// For a vector: x forward, y right, z down.
     Frd,
     /// For a vector: x forward, y left, z up (ROS REP 103; Xsens).
@@ -212,7 +224,7 @@ pub(crate) enum FrameName {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "kebab-case")]
-pub(crate) enum HeightAbove {
+pub enum HeightAbove {
     /// The WGS-84 ellipsoid.
     Ellipsoid,
     /// Mean sea level: used unchanged, with a notice.
@@ -223,9 +235,9 @@ pub(crate) enum HeightAbove {
 #[derive(Debug, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
-pub(crate) struct ChannelEntry {
+pub struct ChannelEntry {
     /// Name of the form `quantity.source`, such as `position.gps`.
-    pub(crate) name: String,
+    pub name: String,
     /// Its quantity. It has these fields:
     ///
     /// - `position-geodetic`: `latitude`, `longitude` and optionally `height`; or `x`, `y`, `z` with the frame `ecef`
@@ -239,57 +251,57 @@ pub(crate) struct ChannelEntry {
     ///   `forward`, `right` or `left`, `down` or `up`. An axis may be missing
     /// - `encoder-count`: `count`; `encoder-angle`: `angle`; `scalar`: `value`
     /// - `pulse`: `second`, a time or a running number
-    pub(crate) quantity: Quantity,
+    pub quantity: Quantity,
     /// Topic names, the best first. A name of several words also matches below a namespace. It also matches a file name
     /// that ends in it, with `/` written as `-` or `_`, and with an instance such as `_0` after it.
     #[serde(default)]
-    pub(crate) topic: Vec<String>,
+    pub topic: Vec<String>,
     /// Message types, such as `sensor_msgs/NavSatFix`. Without a topic, any topic of the type matches; without either,
     /// any text table.
     #[serde(default, rename = "type")]
-    pub(crate) types: Vec<String>,
+    pub types: Vec<String>,
     /// Kind of timestamp that is the time of the value.
-    pub(crate) timeline: StampKind,
+    pub timeline: StampKind,
     /// Timestamps of this channel, instead of those of the file.
-    pub(crate) time: Option<TimeTable>,
+    pub time: Option<TimeTable>,
     /// The fields.
-    pub(crate) fields: FieldTable,
+    pub fields: FieldTable,
     /// Conditions on a row.
     #[serde(default)]
-    pub(crate) require: Vec<RequireEntry>,
+    pub require: Vec<RequireEntry>,
     /// Axes of `x`, `y`, `z`, or of an attitude.
-    pub(crate) frame: Option<FrameName>,
+    pub frame: Option<FrameName>,
     /// Reference of the height.
-    pub(crate) height_above: Option<HeightAbove>,
+    pub height_above: Option<HeightAbove>,
     /// An assumption that readers of the report should know.
-    pub(crate) note: Option<String>,
+    pub note: Option<String>,
     /// Whether logs of this kind may lack the channel. If false, a missing field is an error, except in built-in maps.
     #[serde(default)]
-    pub(crate) optional: bool,
+    pub optional: bool,
     /// A remark of the log that selects the channel. Of channels with the same name and the same remark, at most one is
     /// used.
-    pub(crate) when: Option<WhenEntry>,
+    pub when: Option<WhenEntry>,
 }
 
 /// A remark in the log, such as a comment `// Coordinate system: NED` above a text table.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
-pub(crate) struct WhenEntry {
+pub struct WhenEntry {
     /// Text before the colon.
-    pub(crate) remark: String,
+    pub remark: String,
     /// Text after the colon. Without it, the channel is for logs without this remark.
-    pub(crate) says: Option<String>,
+    pub says: Option<String>,
 }
 
 impl WhenEntry {
     /// Whether the log is one that the channel is made for.
-    pub(crate) fn met_by(&self, log: &Log) -> bool {
+    pub fn met_by(&self, log: &Log) -> bool {
         self.said_by(log).into_iter().eq(self.says.as_deref())
     }
 
     /// The log's values of the remark. If there are several, the condition is not met.
-    pub(crate) fn said_by<'l>(&self, log: &'l Log) -> BTreeSet<&'l str> {
+    pub fn said_by<'l>(&self, log: &'l Log) -> BTreeSet<&'l str> {
         let remarks = log.health.extras.iter().filter_map(|extra| extra.split_once(" = "));
         remarks.filter(|(name, _)| *name == self.remark).map(|(_, text)| text).collect()
     }
@@ -302,13 +314,13 @@ macro_rules! field_table {
         #[derive(Debug, Default, Deserialize)]
         #[cfg_attr(feature = "schema", derive(JsonSchema))]
         #[serde(deny_unknown_fields, default)]
-        pub(crate) struct FieldTable {
-            $($(#[$about])* pub(crate) $name: Option<OneOrMore<FieldEntry>>,)*
+        pub struct FieldTable {
+            $($(#[$about])* pub $name: Option<OneOrMore<FieldEntry>>,)*
         }
 
         impl FieldTable {
             /// Every field by its name, written or not.
-            pub(crate) fn all(&self) -> impl Iterator<Item = (&'static str, &Option<OneOrMore<FieldEntry>>)> {
+            pub fn all(&self) -> impl Iterator<Item = (&'static str, &Option<OneOrMore<FieldEntry>>)> {
                 [$((stringify!($name), &self.$name),)*].into_iter()
             }
         }
@@ -383,7 +395,7 @@ field_table! {
 
 /// One entry, or a list of them. An untagged enum of serde would not report which line is wrong, and why.
 #[derive(Debug, Clone)]
-pub(crate) struct OneOrMore<T>(pub(crate) Vec<T>);
+pub struct OneOrMore<T>(pub Vec<T>);
 
 impl<T> Default for OneOrMore<T> {
     fn default() -> OneOrMore<T> {
@@ -436,15 +448,15 @@ impl<T: JsonSchema> JsonSchema for OneOrMore<T> {
 #[derive(Debug, Clone, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
-pub(crate) struct FieldEntry {
+pub struct FieldEntry {
     /// Dotted path.
-    pub(crate) field: String,
+    pub field: String,
     /// Unit, such as `deg`, `1e-7 deg`, `m`, `mm`, `ft`, `m/s`, `kt`, `ft/min`; `1` for a pure number.
     #[serde(deserialize_with = "unit")]
     #[cfg_attr(feature = "schema", schemars(with = "String"))]
-    pub(crate) unit: Unit,
+    pub unit: Unit,
     /// For a height: its reference, if it differs from that of the channel.
-    pub(crate) above: Option<HeightAbove>,
+    pub above: Option<HeightAbove>,
 }
 
 /// A condition on a row. Rows that fail it are counted, but not used. The condition is ignored if the log does not have
@@ -453,22 +465,22 @@ pub(crate) struct FieldEntry {
 #[derive(Debug, Clone, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(deny_unknown_fields)]
-pub(crate) struct RequireEntry {
+pub struct RequireEntry {
     /// The field.
-    pub(crate) field: String,
+    pub field: String,
     /// Topics that have the field in a message of the same epoch, instead of the row itself.
     #[serde(default)]
-    pub(crate) of: Vec<String>,
+    pub of: Vec<String>,
     /// With other topics: the field that numbers the epochs in both. It may be several fields together, such as the
     /// week and the time in it.
     #[serde(default)]
-    pub(crate) same: OneOrMore<String>,
+    pub same: OneOrMore<String>,
     /// Its minimum value.
-    pub(crate) min: Option<f64>,
+    pub min: Option<f64>,
     /// Its maximum value.
-    pub(crate) max: Option<f64>,
+    pub max: Option<f64>,
     /// A bit that must be set; 0 is the lowest.
-    pub(crate) bit: Option<u32>,
+    pub bit: Option<u32>,
 }
 
 /// Parses a unit; an unknown one is rejected with its line.
@@ -478,7 +490,7 @@ fn unit<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Unit, D::Error> {
 
 impl RequireEntry {
     /// Whether a value fulfils the condition; a NaN does not.
-    pub(crate) fn met_by(&self, value: f64) -> bool {
+    pub fn met_by(&self, value: f64) -> bool {
         let is_set = |bit: u32| (value / 2_f64.powi(bit as i32)).floor().rem_euclid(2.0) == 1.0;
         self.min.is_none_or(|min| value >= min)
             && self.max.is_none_or(|max| value <= max)
