@@ -113,7 +113,8 @@ pub(crate) fn stated_mode_check(finding: &Finding<Flexibility>) -> Option<MountC
     let (gain, _) = bending_response(frequency_hz, stated_hz, 0.0, factor);
     let difference = (found.rotation_gain.value - gain).abs();
     let text = format!(
-        "a first mode of {stated_hz} Hz would raise the gain of rotation at {frequency_hz:.2} Hz to {gain:.4}; it is {}",
+        "{stated_hz} Hz, as the rig file states, would raise the gain of rotation at {frequency_hz:.2} Hz to {gain:.4}; it \
+         is {}",
         with_u(&found.rotation_gain, 4)
     );
     Some(MountCheck {

@@ -93,7 +93,7 @@ pub fn mount_finding(
         checks.iter_mut().for_each(excuse_what_bending_explains);
     }
     excuse_what_counts_explain(&mut checks);
-    excuse_what_angles_explain(&mut checks, alignment);
+    excuse_what_angles_explain(&mut checks, &alignment.notices);
     let finding = MountFinding {
         detected: detected.map_or_else(
             || {
@@ -132,18 +132,25 @@ fn excuse_what_counts_explain(checks: &mut [MountCheck]) {
     }
 }
 
-/// A wrong sign or number of counts changes all angles and lengths, and a wrong azimuth changes the zero by position and
-/// velocity: only the first cause is to be corrected.
-fn excuse_what_angles_explain(checks: &mut [MountCheck], alignment: &Alignment) {
-    let is_sign_wrong = alignment.notices.iter().any(|n| n.code == Code::RigContradicted && n.place == ENCODER_SIGN);
+/// A wrong sign or number of counts changes all angles and lengths. A wrong azimuth changes the zero by position and
+/// velocity, and a wrong zero their azimuth. Only the cause is to be corrected.
+fn excuse_what_angles_explain(checks: &mut [MountCheck], notices: &Notices) {
+    let is_sign_wrong = notices.iter().any(|n| n.code == Code::RigContradicted && n.place == ENCODER_SIGN);
     let are_counts_wrong = checks.iter().any(|c| c.unit == COUNTS && c.contradicts_rig());
     let is_azimuth_wrong = checks.iter().any(|c| c.name.starts_with(AZIMUTH) && c.contradicts_rig());
-    let by_track = ["encoder zero by position", "encoder zero by velocity"];
+    // Attitude and specific force show the zero whatever the azimuth is.
+    let by_body = ["encoder zero by attitude", "encoder zero by specific-force"];
+    let is_any_of = |check: &MountCheck, names: &[&str]| names.iter().any(|name| check.name.starts_with(name));
+    let is_zero_wrong = checks.iter().any(|c| is_any_of(c, &by_body) && c.contradicts_rig());
     for check in checks.iter_mut().filter(|c| c.contradicts_rig() && c.unit != COUNTS) {
         let cause = match (is_sign_wrong, are_counts_wrong) {
             (true, _) => "encoder's sign",
             (false, true) => "number of counts",
-            _ if is_azimuth_wrong && by_track.iter().any(|name| check.name.starts_with(name)) => "azimuth",
+            _ if is_zero_wrong && is_any_of(check, &["azimuth by position", "azimuth by velocity"]) => "zero",
+            _ if is_zero_wrong => continue,
+            _ if is_azimuth_wrong && is_any_of(check, &["encoder zero by position", "encoder zero by velocity"]) => {
+                "azimuth"
+            }
             _ => continue,
         };
         check.of_rig = false;
@@ -391,5 +398,36 @@ mod tests {
         assert_eq!(degrees(308.0, 300.0, AZIMUTH), [308.0, 300.0]);
         assert_eq!(degrees(0.0, 180.0, "encoder zero")[0].abs(), 0.0);
         assert_eq!(degrees(-179.0, 179.0, "encoder zero"), [181.0, 179.0], "neighbours");
+    }
+
+    /// Which of these checks still accuse the rig file, all of them differing from it.
+    fn accused<const N: usize>(names: [&str; N], sign_is_wrong: bool) -> Vec<&str> {
+        let mut notices = Notices::new();
+        if sign_is_wrong {
+            notices.push(Code::RigContradicted, ENCODER_SIGN, 1, "the other way round");
+        }
+        let mut checks = names.map(|name| {
+            let unit = if name.starts_with("counts") { COUNTS } else { "rad" };
+            let fitted = Estimate { value: 2.0, standard_uncertainty: Some(0.01) };
+            check(name.to_owned(), unit, fitted, Some(1.0), 0.01, String::new())
+        });
+        excuse_what_angles_explain(&mut checks, &notices);
+        names.into_iter().zip(&checks).filter(|(_, c)| c.contradicts_rig()).map(|(name, _)| name).collect()
+    }
+
+    #[test]
+    fn only_the_cause_accuses_the_rig_file() {
+        let (zero, azimuth) = ("encoder zero by position.gps", "azimuth by position.gps");
+        let (body_zero, body_azimuth) = ("encoder zero by attitude.ins", "azimuth by attitude.ins");
+        assert_eq!(accused([zero, azimuth, "lever arm z of imu"], true), [""; 0], "the sign");
+        let counts = "counts per revolution by imu";
+        assert_eq!(accused([counts, zero, "lever arm z of imu"], false), [counts]);
+        assert_eq!(accused([zero, azimuth, body_azimuth], false), [azimuth, body_azimuth]);
+        assert_eq!(accused([zero, azimuth, body_zero], false), [zero, body_zero]);
+        assert_eq!(
+            accused([zero, "lever arm z of imu"], false),
+            [zero, "lever arm z of imu"],
+            "nothing explains these"
+        );
     }
 }

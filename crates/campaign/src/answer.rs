@@ -246,8 +246,12 @@ fn answered(
     let over_time = pair.and_then(|p| p.varies.as_ref());
     let channel = network.and_then(|n| n.channel(&position)).cloned();
     let measured = pair.and_then(|p| p.delay.found());
-    let position_minus_velocity_s =
-        network.and_then(|n| difference(n, &position, &velocity)).or_else(|| measured.map(|m| m.delay_s));
+    // The same number, and the same uncertainty, where the velocity is the zero.
+    let against_velocity = channel.as_ref().filter(|c| c.relative_to.as_deref() == Some(velocity.as_str()));
+    let position_minus_velocity_s = against_velocity
+        .map(|c| c.lateness_s)
+        .or_else(|| network.and_then(|n| difference(n, &position, &velocity)))
+        .or_else(|| measured.map(|m| m.delay_s));
     let mut out = FlightLateness {
         datum: channel.as_ref().map_or(NetworkDatum::None, |c| c.datum),
         against: against(channel.as_ref(), &velocity),

@@ -525,4 +525,20 @@ mod tests {
         assert_eq!(r.between(&d, 3, 62.0, 3.0), [60.5, 65.0]);
         assert!(r.scan(&d, 2, [61.0, 61.0]).is_empty());
     }
+
+    #[test]
+    fn bends_at_one_instant_are_added_and_steps_are_not() {
+        let term = |kind, at_s, size| Term { kind, at_s, size };
+        let (bend, step) = (DelayTermKind::Bend, DelayTermKind::Step);
+        let terms = vec![
+            term(bend, 10.0, 0.25),
+            term(step, 10.0, 0.5),
+            term(bend, 10.0, 0.5),
+            term(step, 10.0, 0.5),
+            term(bend, 20.0, 1.0),
+        ];
+        let joined = joined_bends(Description { level_s: 0.1, terms });
+        let found: Vec<(f64, f64)> = joined.terms.iter().map(|t| (t.at_s, t.size)).collect();
+        assert_eq!(found, [(10.0, 0.75), (10.0, 0.5), (10.0, 0.5), (20.0, 1.0)]);
+    }
 }

@@ -28,10 +28,10 @@ impl BenchRecord {
     }
 
     /// Reasons to doubt the angles of the record, and with them the directions of its fields and forces: as
-    /// [`BenchRecord::doubts`], but without lengths.
+    /// [`BenchRecord::doubts`], but without lengths and the bending of the bar.
     #[must_use]
     pub fn doubts_of_angles(&self) -> Vec<String> {
-        self.doubts_of(|check| check.unit != "m")
+        self.doubts_of(|check| !["m", "Hz"].contains(&check.unit.as_str()))
     }
 
     fn doubts_of(&self, counts: impl Fn(&MountCheck) -> bool) -> Vec<String> {

@@ -112,6 +112,13 @@ impl Reference for CubicSpline {
         let x = t - piece.t;
         (c0 + x * (c1 + x * (c2 + x * c3)), c1 + x * (2.0 * c2 + x * (3.0 * c3)))
     }
+
+    /// As the default, but compiled with this crate: a quarter of the time of a fit is spent here.
+    fn fill(&self, instants: &[f64], values: &mut [f64], rates: &mut [f64]) {
+        for ((t, value), rate) in instants.iter().zip(values).zip(rates) {
+            (*value, *rate) = self.value_and_rate(*t);
+        }
+    }
 }
 
 fn check(t: &[f64], y: &[f64]) -> Result<(), SplineError> {

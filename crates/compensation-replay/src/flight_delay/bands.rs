@@ -175,3 +175,16 @@ impl Average<'_> {
         to.iter().zip(from).map(|(to, from)| (to - from) / length).collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Rms of 3, 4 and 0, 0 of two series: 2.5.
+    #[test]
+    fn the_scale_is_the_rms_of_all_residuals() {
+        let series = |residual: [f64; 2]| Series { residual: residual.to_vec(), derivative: vec![], step_s: 1.0 };
+        assert_eq!(scale(&[series([3.0, 4.0]), series([0.0, 0.0])]), 2.5);
+        assert_eq!(scale(&[]), 0.0);
+    }
+}
