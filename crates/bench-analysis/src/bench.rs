@@ -188,7 +188,7 @@ fn report_other_stamps(encoder: &Channel, tied: &Tied, notices: &mut Notices) {
         tied.times.iter().filter(|(_, time)| time.kind != kind).map(|(name, _)| name.as_str()).collect();
     if tied.basis == TimeBasis::OneClock && !others.is_empty() {
         let text = format!(
-            "the encoder has {kind} timestamps, other than {}: the delays include what lies between the two kinds",
+            "the encoder has {kind} timestamps, and {} have another kind: their delays include the difference",
             others.join(", ")
         );
         notices.push(Code::Assumption, "timestamps", others.len() as u64, text);

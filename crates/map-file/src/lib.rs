@@ -4,7 +4,6 @@
 //! without optimisation here: it runs once for each map.
 
 use flight::{Quantity, StampKind, Unit};
-use formats::Log;
 use formats::civil::{DateOrder, Tick};
 #[cfg(feature = "schema")]
 use schemars::JsonSchema;
@@ -12,7 +11,6 @@ use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer, StrDeserial
 use serde::de::{Error, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 use settings::{Refused, SettingsFile};
-use std::collections::BTreeSet;
 use std::fmt::Formatter;
 use std::marker::PhantomData;
 use toml::Spanned;
@@ -294,19 +292,6 @@ pub struct WhenEntry {
     pub says: Option<String>,
 }
 
-impl WhenEntry {
-    /// Whether the log is one that the channel is made for.
-    pub fn met_by(&self, log: &Log) -> bool {
-        self.said_by(log).into_iter().eq(self.says.as_deref())
-    }
-
-    /// The log's values of the remark. If there are several, the condition is not met.
-    pub fn said_by<'l>(&self, log: &'l Log) -> BTreeSet<&'l str> {
-        let remarks = log.health.extras.iter().filter_map(|extra| extra.split_once(" = "));
-        remarks.filter(|(name, _)| *name == self.remark).map(|(_, text)| text).collect()
-    }
-}
-
 macro_rules! field_table {
     ($($(#[$about:meta])* $name:ident,)*) => {
         /// The fields of a channel. Each is one field with its unit, or a list of them. The first one that exists is
@@ -486,16 +471,6 @@ pub struct RequireEntry {
 /// Parses a unit; an unknown one is rejected with its line.
 fn unit<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Unit, D::Error> {
     String::deserialize(deserializer)?.parse().map_err(D::Error::custom)
-}
-
-impl RequireEntry {
-    /// Whether a value fulfils the condition; a NaN does not.
-    pub fn met_by(&self, value: f64) -> bool {
-        let is_set = |bit: u32| (value / 2_f64.powi(bit as i32)).floor().rem_euclid(2.0) == 1.0;
-        self.min.is_none_or(|min| value >= min)
-            && self.max.is_none_or(|max| value <= max)
-            && self.bit.is_none_or(is_set)
-    }
 }
 
 /// The JSON schema of a channel map, for editors.

@@ -1,9 +1,26 @@
 //! Conditions that a row must meet to be used: on its own fields, or on another message of the same epoch.
 
 use formats::{Column, Log, Table};
-use map_file::RequireEntry;
+use map_file::{RequireEntry, WhenEntry};
 use std::borrow::Cow;
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
+
+/// Whether a value fulfils a condition; a NaN does not.
+pub(super) fn is_met(entry: &RequireEntry, value: f64) -> bool {
+    let is_set = |bit: u32| (value / 2_f64.powi(bit as i32)).floor().rem_euclid(2.0) == 1.0;
+    entry.min.is_none_or(|min| value >= min) && entry.max.is_none_or(|max| value <= max) && entry.bit.is_none_or(is_set)
+}
+
+/// Whether the log is one that a channel with this remark is made for.
+pub(super) fn is_for(when: &WhenEntry, log: &Log) -> bool {
+    said_by(when, log).into_iter().eq(when.says.as_deref())
+}
+
+/// The log's values of the remark. If there are several, the condition is not met.
+pub(super) fn said_by<'l>(when: &WhenEntry, log: &'l Log) -> BTreeSet<&'l str> {
+    let remarks = log.health.extras.iter().filter_map(|extra| extra.split_once(" = "));
+    remarks.filter(|(name, _)| *name == when.remark).map(|(_, text)| text).collect()
+}
 
 /// One condition with the numbers to check.
 pub(super) struct Condition<'a> {
@@ -46,7 +63,7 @@ fn same_epoch(entry: &RequireEntry, table: &Table, other: &Table) -> Option<Vec<
     let mut by_epoch: HashMap<Vec<i64>, f64> = HashMap::new();
     for (epoch, value) in (0..other.rows).filter_map(|row| epoch(&there, row).zip(field.number(row))) {
         let known = by_epoch.entry(epoch).or_insert(value);
-        if entry.met_by(*known) {
+        if is_met(entry, *known) {
             *known = value;
         }
     }
@@ -76,6 +93,6 @@ impl Condition<'_> {
 
 /// The first condition that a row fails, in words. A row without the field passes.
 pub(super) fn failed(conditions: &[Condition<'_>], row: usize) -> Option<String> {
-    let fails = |c: &&Condition<'_>| c.value(row).is_some_and(|value| !c.entry.met_by(value));
+    let fails = |c: &&Condition<'_>| c.value(row).is_some_and(|value| !is_met(c.entry, value));
     conditions.iter().find(fails).map(Condition::text)
 }

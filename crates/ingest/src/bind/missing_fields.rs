@@ -1,5 +1,6 @@
 //! Fields that the user's map names and the log lacks.
 
+use super::conditions::is_for;
 use super::trial::Trial;
 use crate::map::{ChannelMap, ChannelRule, Closeness, MapLibrary};
 use formats::{Log, Table};
@@ -37,7 +38,7 @@ pub(super) fn check(best: &Trial<'_>, log: &Log) -> Result<(), String> {
 
 /// The first rule for each channel name that the log does not exclude, if the channel is required.
 fn wanted<'m>(map: &'m ChannelMap, log: &Log) -> impl Iterator<Item = &'m ChannelRule> {
-    let met = |rule: &&ChannelRule| rule.when.as_ref().is_none_or(|when| when.met_by(log));
+    let met = |rule: &&ChannelRule| rule.when.as_ref().is_none_or(|when| is_for(when, log));
     let rules: Vec<&ChannelRule> = map.rules.iter().filter(met).collect();
     let mut kept: Vec<&ChannelRule> = vec![];
     for rule in rules {

@@ -1,5 +1,6 @@
 //! Reads the timestamps of a table from their source, and corrects known clock faults.
 
+use super::conditions::is_met;
 use super::counter_dates::date_by_counter;
 use super::date_columns::{stamps_of_dates, without_zone};
 use super::repair::Repair;
@@ -364,7 +365,7 @@ fn pairs_in(rule: &TieRule, table: &Table) -> Option<Pairs> {
     let stamps = read_stamps(StampKind::Logged, &rule.stamp, table, written_at)?;
     let utc = read_stamps(StampKind::Measured, &rule.utc, table, written_at)?;
     let meets = |row: usize| {
-        rule.require.iter().all(|r| table.numbers(&r.field).and_then(|c| c.number(row)).is_none_or(|v| r.met_by(v)))
+        rule.require.iter().all(|r| table.numbers(&r.field).and_then(|c| c.number(row)).is_none_or(|v| is_met(r, v)))
     };
     if stamps.clock != rule.clock {
         return None;

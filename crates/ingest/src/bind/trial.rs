@@ -1,6 +1,6 @@
 //! Tries a channel map on a log: which tables and columns its rules find.
 
-use super::conditions::conditions;
+use super::conditions::{conditions, is_for, said_by};
 use super::date_columns::{example, unclear};
 use super::plan::{Found, Plan, binds};
 use super::receive_times::by_receive_time;
@@ -64,7 +64,7 @@ impl<'a> Trial<'a> {
     fn new(map: &'a ChannelMap, log: &'a Log, others: &[Trial<'a>]) -> Trial<'a> {
         let mut trial = Trial { map, plans: vec![], near: vec![], far: vec![], unknown: vec![], nearness: 0 };
         for rule in &map.rules {
-            if rule.when.as_ref().is_some_and(|when| !when.met_by(log)) {
+            if rule.when.as_ref().is_some_and(|when| !is_for(when, log)) {
                 continue;
             }
             if trial.plans.iter().any(|plan| plan.rule.name == rule.name) {
@@ -188,8 +188,8 @@ fn unknown(map: &ChannelMap, log: &Log) -> Vec<(String, String)> {
     let mut unknown: Vec<(String, String)> = vec![];
     for (rule, when) in map.rules.iter().filter_map(|rule| Some((rule, rule.when.as_ref()?))) {
         let same = |other: &&ChannelRule| other.name == rule.name;
-        let known = map.rules.iter().filter(same).any(|other| other.when.as_ref().is_none_or(|when| when.met_by(log)));
-        let remark = when.said_by(log).into_iter().collect::<Vec<_>>().join(" and ");
+        let known = map.rules.iter().filter(same).any(|other| other.when.as_ref().is_none_or(|when| is_for(when, log)));
+        let remark = said_by(when, log).into_iter().collect::<Vec<_>>().join(" and ");
         if !remark.is_empty()
             && !known
             && unknown.iter().all(|(name, _)| *name != rule.name)
