@@ -8,6 +8,7 @@ mod compare;
 mod found;
 mod names;
 mod orientations;
+mod time_blocks;
 mod time_columns;
 mod windows;
 mod write;
@@ -143,6 +144,7 @@ pub(crate) fn guess(log: &Log) -> Result<Guess, String> {
     let is_doubtful = motions.is_empty() && sources.iter().any(|source| !source.velocities.is_empty());
     if is_doubtful || places.is_empty() && motions.is_empty() {
         reasons.dedup();
+        reasons.extend(times_apart(&sources));
         return Err(if reasons.is_empty() {
             "no column is named like a position or a velocity".into()
         } else {
@@ -150,6 +152,18 @@ pub(crate) fn guess(log: &Log) -> Result<Guess, String> {
         });
     }
     Ok(with_bodies(&sources, places, motions, reasons, log.tables.len() > 1))
+}
+
+/// The times of a table whose columns were read with several.
+fn times_apart(sources: &[TableColumns<'_>]) -> Option<String> {
+    let is_same = |(one, next): &(&TableColumns<'_>, &TableColumns<'_>)| std::ptr::eq(one.table, next.table);
+    let (one, next) = sources.iter().zip(sources.iter().skip(1)).find(is_same)?;
+    let (one, next) = (one.timings.first()?, next.timings.first()?);
+    Some(format!(
+        "each column was read with the time on its left, {} or {}: if these are not one clock, split the table or state \
+         the time of each channel in a channel map",
+        one.label, next.label
+    ))
 }
 
 /// The positions and velocities that agree, and velocities whose names are complete; `reasons` get the others.
@@ -423,7 +437,9 @@ fn unchecked<'l>(
     if !group.source.split('-').all(|word| word.is_empty() || names::SOURCES.contains(&word)) {
         return Err(format!("{path}: no velocity fits its motion, and by its name it is not a plain position"));
     }
-    let same = motions.iter().find(|motion| motion.topic == of.table.topic.name).map(|motion| &motion.timing);
+    let is_own = |timing: &Timing| of.timings.iter().any(|own| own.entry == timing.entry);
+    let same = motions.iter().find(|motion| motion.topic == of.table.topic.name && is_own(&motion.timing));
+    let same = same.map(|motion| &motion.timing);
     let Some(timing) = same.or(of.timings.first().filter(|timing| timing.is_certain)) else {
         return Err(format!("{path}: the unit or clock of the time of its table is unknown"));
     };

@@ -126,6 +126,7 @@ impl<'l> Bodies<'l> {
 
 /// The time of a table: that of its positions and velocities, or else a certain one.
 fn timing_of<'t>(source: &'t TableColumns<'_>, times: &[(&str, &'t Timing)]) -> Option<&'t Timing> {
-    let same = times.iter().find(|(topic, _)| *topic == source.table.topic.name).map(|(_, timing)| *timing);
-    same.or(source.timings.first().filter(|timing| timing.is_certain))
+    let is_own = |timing: &Timing| source.timings.iter().any(|own| own.entry == timing.entry);
+    let same = times.iter().find(|(topic, timing)| *topic == source.table.topic.name && is_own(timing));
+    same.map(|(_, timing)| *timing).or(source.timings.first().filter(|timing| timing.is_certain))
 }

@@ -62,7 +62,7 @@ fn source<'l>(head: &TableHead, table: &'l Table, time: &String, timings: Vec<Ti
         table,
         timings,
         unread_time: None,
-        odd_time: None,
+        refused_time: None,
         positions,
         velocities,
         without_number: vec![],

@@ -1,7 +1,8 @@
 //! Columns that belong together: the axes of a position, or of a velocity.
 
 use super::names::{Axis, Named, Role};
-use super::time_columns::{Timing, timings};
+use super::time_blocks::blocks;
+use super::time_columns::Timing;
 use formats::{Log, Table, TableHead};
 
 /// A table with the roles from its column names and the possible readings of its time.
@@ -10,8 +11,8 @@ pub(super) struct TableColumns<'l> {
     pub(super) timings: Vec<Timing>,
     /// Why the time cannot be read, if a column is named like one.
     pub(super) unread_time: Option<String>,
-    /// The time column and its stated unit, if that unit is unknown.
-    pub(super) odd_time: Option<(String, String)>,
+    /// Why the table is not read with any time: the unit is unknown, or it is unclear which of two times counts.
+    pub(super) refused_time: Option<String>,
     pub(super) positions: Vec<Position>,
     pub(super) velocities: Vec<Velocity>,
     /// Columns named like a position without a number.
@@ -68,9 +69,9 @@ pub(super) fn names_axes(first: &Named) -> bool {
     matches!(first.role, Role::Position(Axis::North) | Role::Velocity(Axis::North))
 }
 
-/// All tables in which something was found.
+/// All tables in which something was found; one with several clocks is a table for each.
 pub(super) fn sources(log: &Log) -> Vec<TableColumns<'_>> {
-    log.tables.iter().filter_map(|table| source(log, table)).collect()
+    log.tables.iter().flat_map(|table| of_table(log, table)).collect()
 }
 
 /// The columns whose name gives a role: those that hold a value, and those without a number.
@@ -82,48 +83,59 @@ fn filled(head: &TableHead, table: &Table) -> (Vec<Named>, Vec<Named>) {
     head.names.iter().filter_map(|path| super::names::named(head, path)).partition(holds)
 }
 
-fn source<'l>(log: &'l Log, table: &'l Table) -> Option<TableColumns<'l>> {
-    let head = log.head(&table.topic.name)?;
+fn of_table<'l>(log: &'l Log, table: &'l Table) -> Vec<TableColumns<'l>> {
+    let Some(head) = log.head(&table.topic.name) else { return vec![] };
     let (named, empty) = filled(head, table);
     let is_position = |c: &Named| matches!(c.role, Role::Latitude | Role::Longitude | Role::Position(_));
-    let without_number = empty.into_iter().filter(is_position).map(|column| column.path).collect();
+    let mut without_number: Vec<String> = empty.into_iter().filter(is_position).map(|column| column.path).collect();
+    let unknown_unit = super::time_columns::unknown_unit(table, &named);
+    let parts = super::time_columns::parts_of_time(table, &head.names);
+    let mut times = named.iter().filter(|column| column.role == Role::Time);
+    let (of_times, clash) = match times.any(|column| !parts.contains(&column.path.as_str())) {
+        true => blocks(table, named),
+        false if parts.is_empty() => {
+            let rising = super::time_columns::by_rise(table, &head.names, &named);
+            (vec![(named, rising)], None)
+        }
+        false => (vec![(named, vec![])], None),
+    };
+    let mut refused_time = unknown_unit.or(clash);
+    let of_block = |(named, timings): (Vec<Named>, Vec<Timing>)| TableColumns {
+        refused_time: refused_time.take(),
+        without_number: std::mem::take(&mut without_number),
+        ..source(head, table, &named, timings)
+    };
+    of_times.into_iter().map(of_block).collect()
+}
+
+/// The columns of one time.
+fn source<'l>(head: &TableHead, table: &'l Table, named: &[Named], timings: Vec<Timing>) -> TableColumns<'l> {
     let mut labels: Vec<&str> = vec![];
     for column in named.iter().filter(|c| !matches!(c.role, Role::Time | Role::Week)) {
         if !labels.contains(&column.source.as_str()) {
             labels.push(&column.source);
         }
     }
-    let positions = labels.iter().flat_map(|label| positions(&named, label)).collect();
-    let velocities: Vec<Velocity> = labels.iter().flat_map(|label| velocities(&named, label)).collect();
+    let positions = labels.iter().flat_map(|label| positions(named, label)).collect();
+    let velocities: Vec<Velocity> = labels.iter().flat_map(|label| velocities(named, label)).collect();
     let path_of = |role| named.iter().find(|column| column.role == role).map(|column| column.path.clone());
     let speed_alone = path_of(Role::Speed).filter(|_| velocities.is_empty()).map(|speed| (speed, path_of(Role::Yaw)));
-    let with_unknown_unit = super::time_columns::with_unknown_unit(table, &named);
-    let odd_time = with_unknown_unit.and_then(|column| Some((column.path.clone(), column.odd_unit.clone()?)));
-    let parts = super::time_columns::parts_of_time(table, &head.names);
-    let mut times = named.iter().filter(|column| column.role == Role::Time);
-    let timings = match times.any(|column| !parts.contains(&column.path.as_str())) {
-        true => timings(table, &named),
-        false if parts.is_empty() => super::time_columns::by_rise(table, &head.names, &named),
-        false => vec![],
-    };
     let unread_time =
-        if timings.is_empty() { super::time_columns::unreadable(table, &head.names, &named) } else { None };
-    let triples = |roles: [Role; 3]| labels.iter().filter_map(|label| triple(&named, label, roles)).collect();
-    let attitudes = triples(ATTITUDE);
-    let (rates, forces) = (triples(AXES.map(Role::Rate)), triples(AXES.map(Role::Force)));
-    Some(TableColumns {
+        if timings.is_empty() { super::time_columns::unreadable(table, &head.names, named) } else { None };
+    let triples = |roles: [Role; 3]| labels.iter().filter_map(|label| triple(named, label, roles)).collect();
+    TableColumns {
         table,
         timings,
         unread_time,
-        odd_time,
+        refused_time: None,
         positions,
         velocities,
-        without_number,
+        without_number: vec![],
         speed_alone,
-        attitudes,
-        rates,
-        forces,
-    })
+        attitudes: triples(ATTITUDE),
+        rates: triples(AXES.map(Role::Rate)),
+        forces: triples(AXES.map(Role::Force)),
+    }
 }
 
 const ATTITUDE: [Role; 3] = [Role::Roll, Role::Pitch, Role::Yaw];
@@ -203,12 +215,11 @@ fn axes(of: impl Fn(Axis) -> Option<Named>) -> Option<(Named, Named, Option<Name
     pair(Axis::X, Axis::Y).map(|(x, y)| (x, y, of(Axis::Z)))
 }
 
-/// The message for a table that states an unknown unit. Such a table is not read in another unit.
+/// The message for a table that states an unknown unit, or whose time is unclear. Such a table is not read in another
+/// unit.
 pub(super) fn odd_unit(sources: &[TableColumns<'_>]) -> Option<String> {
-    if let Some((path, unit)) = sources.iter().find_map(|source| source.odd_time.as_ref()) {
-        return Some(format!(
-            "the table states the unit {unit:?} for the time {path}, which flightlag does not know as a unit of time"
-        ));
+    if let Some(why) = sources.iter().find_map(|source| source.refused_time.as_ref()) {
+        return Some(why.clone());
     }
     let of_positions = sources.iter().flat_map(|s| &s.positions).map(|p| (&p.first, &p.second, &p.third));
     let of_velocities = sources.iter().flat_map(|s| &s.velocities).map(|v| (&v.first, &v.second, &v.third));

@@ -82,7 +82,7 @@ fn moves_within(table: &Table, timing: &Timing, column: &Named) -> bool {
 }
 
 /// Whether at least every second row repeats the time of the one before.
-fn repeats(timing: &Timing) -> bool {
+pub(super) fn repeats(timing: &Timing) -> bool {
     let again = timing.times_s.iter().zip(timing.times_s.iter().skip(1)).filter(|(a, b)| a == b).count();
     2 * again >= timing.times_s.len()
 }
@@ -188,7 +188,7 @@ fn middles(table: &Table, column: &Named) -> Option<(f64, f64)> {
 }
 
 /// The median, the upper one of two; `None` without any value.
-fn middle(mut values: Vec<f64>) -> Option<f64> {
+pub(super) fn middle(mut values: Vec<f64>) -> Option<f64> {
     let half = values.len() / 2;
     (!values.is_empty()).then(|| *values.select_nth_unstable_by(half, f64::total_cmp).1)
 }
@@ -217,13 +217,18 @@ fn timing(
 const CLOCKS: &[&str] =
     &["utc", "gps", "gpst", "gnss", "unix", "posix", "epoch", "tai", "local", "boot", "iso", "hh", "h"];
 
-/// The first column named like a time, if its unit is unknown.
-pub(super) fn with_unknown_unit<'c>(table: &Table, columns: &'c [Named]) -> Option<&'c Named> {
+/// The message for a table whose first time has an unknown unit.
+pub(super) fn unknown_unit(table: &Table, columns: &[Named]) -> Option<String> {
     let times = columns.iter().filter(|column| column.role == Role::Time);
     let first = times.into_iter().find(|column| !of_column(table, column).is_empty())?;
-    let unit = first.odd_unit.as_ref()?.to_lowercase();
-    let is_clock = unit.split(|c: char| !c.is_alphanumeric()).any(|word| CLOCKS.contains(&word));
-    (!is_clock && table.numbers(&first.path).is_some()).then_some(first)
+    let stated = first.odd_unit.as_ref()?;
+    let is_clock = stated.to_lowercase().split(|c: char| !c.is_alphanumeric()).any(|word| CLOCKS.contains(&word));
+    (!is_clock && table.numbers(&first.path).is_some()).then(|| {
+        format!(
+            "the table states the unit {stated:?} for the time {}, which flightlag does not know as a unit of time",
+            first.path
+        )
+    })
 }
 
 /// How a map reads the times that a guess does not.

@@ -419,6 +419,39 @@ fn a_time_in_whole_seconds_yields_to_a_finer_one() {
     assert!(summary(&loaded).contains("time = boot_time_ms [ms]"), "{}", summary(&loaded));
 }
 
+/// An INS and a GPS side by side: the columns of each belong to the time on their left.
+#[test]
+fn two_times_in_one_table_belong_to_the_columns_on_their_right() {
+    let of = |header: &str, second: &dyn Fn(f64) -> (f64, String)| {
+        let rows = (0..900).map(|i| {
+            let t = 0.1 * f64::from(i);
+            let (at, time) = second(t);
+            let ([north, east, up], [n, e, u]) = (truth(at - LATE_S).0, truth(t).1);
+            let (latitude, longitude) = (0.01 + north / 6_335_439.3, 0.2 + east / (SCALE * 0.01_f64.cos()));
+            format!("{t:.1},{n},{e},{},{time},{},{},{up}\n", -u, deg(latitude), deg(longitude))
+        });
+        load_text(&format!("{header}\n{}", rows.collect::<String>()))
+    };
+    let later = |t: f64| (t + 0.4, format!("{:.1}", t + 0.4));
+    for header in ["INS time [s],Vn,Ve,Vd,GPS time [s],lat,lon,alt", "t,Vn,Ve,Vd,t,lat,lon,alt"] {
+        let loaded = of(header, &later);
+        let first = |quantity| super::guess::of(&loaded, quantity).series.timeline().stamps()[0].0;
+        let firsts = (first(Quantity::VelocityNed), first(Quantity::PositionGeodetic));
+        assert_eq!(firsts, (0, 400_000_000), "{}", summary(&loaded));
+        assert!(summary(&loaded).contains("0.400 s after") && summary(&loaded).contains("taken as one clock"));
+    }
+    // The same instants, by another kind of clock.
+    let utc = |t: f64| format!("2026-05-10T10:{:02}:{:04.1}Z", (t / 60.0 + 1e-6) as i32, (t + 1e-6) % 60.0);
+    let same = of("time [s],Vn,Ve,Vd,UTC,lat,lon,alt", &|t| (t, utc(t)));
+    assert!(summary(&same).contains("time = time [s] [s], clock elapsed, logged;"), "{}", summary(&same));
+    let other_rate = of("time [s],Vn,Ve,Vd,UTC,lat,lon,alt", &|t| (0.5 * t, utc(0.5 * t)));
+    let why = other_rate.binding.unwrap_err();
+    assert!(why.contains("time [s]") && why.contains("UTC as iso-8601 of one table count differently"), "{why}");
+    // One kind of clock with another zero, such as seconds of a week: nothing contradicts that these are the same instants.
+    let of_week = of("time [s],Vn,Ve,Vd,TOW [s],lat,lon,alt", &|t| (t, format!("{:.1}", 207_000.0 + t)));
+    assert!(summary(&of_week).contains("time = time [s] [s], clock elapsed, logged;"), "{}", summary(&of_week));
+}
+
 /// Two tables of different length, each counting from its first row: delays would include the time between the starts.
 #[test]
 fn an_imu_that_may_have_started_at_another_time_is_not_bound() {
