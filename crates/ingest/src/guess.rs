@@ -145,6 +145,8 @@ pub(crate) fn guess(log: &Log) -> Result<Guess, String> {
     if is_doubtful || places.is_empty() && motions.is_empty() {
         reasons.dedup();
         reasons.extend(times_apart(&sources));
+        let timed = sources.iter().filter_map(|source| Some((source.table, source.timings.first()?)));
+        reasons.extend(timed.filter_map(|(table, timing)| time_columns::goes_back(table, timing)));
         return Err(if reasons.is_empty() {
             "no column is named like a position or a velocity".into()
         } else {

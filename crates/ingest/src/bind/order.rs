@@ -345,12 +345,24 @@ impl Placed<'_> {
                 Place::Taken => Some(Reason::PassedTwice),
                 Place::Hole if mixed => Some(Reason::PassedTwice),
                 Place::Beyond if leap => Some(Reason::OutOfLine),
+                Place::End | Place::Beyond if mixed && !self.continues(row) => Some(Reason::PassedTwice),
                 _ => None,
             };
             match (reason, self.samples.stamps.get(row)) {
                 (None, Some(stamp)) => drop(self.rows.entry(*stamp).or_insert(row)),
                 _ => reasons.get_mut(row).into_iter().for_each(|r| *r = reason),
             }
+        }
+    }
+
+    /// Whether a row at an end of the kept ones comes at that end in the log too. After a restart to zero the first rows
+    /// are earlier than the flight and come after it.
+    fn continues(&self, row: usize) -> bool {
+        let Some(stamp) = self.samples.stamps.get(row) else { return true };
+        match (self.rows.first_key_value(), self.rows.last_key_value()) {
+            (Some((first, of_first)), _) if stamp < first => row < *of_first,
+            (_, Some((last, of_last))) if stamp > last => row > *of_last,
+            _ => true,
         }
     }
 
@@ -427,6 +439,13 @@ mod tests {
         let (kept, rejected) = sorted(Clock::Unix, &[line(0, 500), line(49_000, 400)].concat());
         assert_eq!((kept.len(), rejected.len()), (890, 10));
         assert!(rejected.iter().all(|(_, row)| (500..510).contains(row)));
+        // Restarted at zero after the flight: its first rows, from before the times of the flight, are of another.
+        let (kept, rejected) = sorted(Clock::Elapsed, &[line(2000, 2000), line(0, 480)].concat());
+        assert_eq!((kept.len(), rejected.len()), (2000, 480));
+        assert!(rejected.iter().all(|(why, row)| *why == Reason::PassedTwice && *row >= 2000));
+        let (kept, rejected) = sorted(Clock::Elapsed, &[line(0, 480), line(-2000, 2000)].concat());
+        assert_eq!((kept.len(), rejected.len()), (2000, 480));
+        assert!(rejected.iter().all(|(_, row)| *row < 480));
     }
 
     #[test]

@@ -231,6 +231,23 @@ pub(super) fn unknown_unit(table: &Table, columns: &[Named]) -> Option<String> {
     })
 }
 
+/// A step back of this many usual steps is more than disorder.
+const DEEP_STEPS: f64 = 4.0;
+
+/// Where a time goes back, as it does where a second recording begins.
+pub(super) fn goes_back(table: &Table, timing: &Timing) -> Option<String> {
+    let given = || timing.times_s.iter().copied().enumerate().filter(|(_, time_s)| time_s.is_finite());
+    let steps = || given().zip(given().skip(1)).map(|((_, before), (row, now))| (row, now - before));
+    let usual = middle(steps().map(|(_, step)| step).filter(|step| *step > 0.0).collect())?;
+    let (row, step) = steps().find(|(_, step)| *step < -DEEP_STEPS * usual)?;
+    let (label, line) = (&timing.label, table.origin_of(row));
+    Some(format!(
+        "the time ({label}) goes back by {:.3} s at line {line}: if another recording begins there, put it into a file \
+         of its own",
+        -step
+    ))
+}
+
 /// How a map reads the times that a guess does not.
 const OTHER_TIMES: &str = "a channel map reads serial days and dates in another order, see `flightlag maps wide-csv`";
 

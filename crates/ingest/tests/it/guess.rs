@@ -452,6 +452,24 @@ fn two_times_in_one_table_belong_to_the_columns_on_their_right() {
     assert!(summary(&of_week).contains("time = time [s] [s], clock elapsed, logged;"), "{}", summary(&of_week));
 }
 
+#[test]
+fn a_time_that_goes_back_is_named_with_its_line() {
+    let row = |t: f64, [a, b, h]: [f64; 3], [n, e, u]: [f64; 3]| {
+        format!("{t:.2},{:.9},{:.9},{h:.3},{n:.4},{e:.4},{:.4}", deg(a), deg(b), -u)
+    };
+    let header = "time,lat,lon,alt,vn,ve,vd";
+    let restarted = table(header, |t, place, velocity| row(if t < 44.95 { t } else { t - 44.95 }, place, velocity));
+    let why = load_text(&restarted).binding.unwrap_err();
+    assert!(why.contains("(time [s], clock elapsed) goes back by 44.850 s at line 452:"), "{why}");
+    // A flight, and after it the beginning of another: its rows are counted and not sorted in front.
+    let longer = table(header, row);
+    let other = table(header, |t, _, _| row(t, [0.5, 0.5, 0.0], [9.0, 9.0, 0.0]));
+    let lines = longer.lines().take(1).chain(longer.lines().skip(21)).chain(other.lines().skip(1).take(200));
+    let loaded = load_text(&lines.map(|line| line.to_owned() + "\n").collect::<String>());
+    assert_eq!(count_saying(&loaded, "rejected-row", "the clock went back"), 400);
+    assert_eq!(of(&loaded, Quantity::VelocityNed).series.len(), 880);
+}
+
 /// Two tables of different length, each counting from its first row: delays would include the time between the starts.
 #[test]
 fn an_imu_that_may_have_started_at_another_time_is_not_bound() {
