@@ -420,6 +420,20 @@ fn a_flight_given_by_two_paths_is_measured_once() {
     assert_eq!(report["flights"].as_array().unwrap().len(), 2, "{answer}");
 }
 
+/// Former bug: the log was missing from the answer, and the command ended with 0.
+#[cfg(unix)]
+#[test]
+fn a_log_that_cannot_be_opened_is_a_failed_flight_of_delay() {
+    let folder = tempfile::tempdir().unwrap();
+    one_flight(folder.path());
+    std::os::unix::fs::symlink("nowhere", folder.path().join("z.csv")).unwrap();
+    let answer = text(&run(["delay".as_ref(), "--json".as_ref(), folder.path().as_os_str()], 3).stdout);
+    let report: serde_json::Value = serde_json::from_str(&answer).unwrap();
+    let lost = &report["flights"][1];
+    assert_eq!((lost["flight"].as_str(), lost["data"].as_str()), (Some("z.csv"), Some("failed")), "{answer}");
+    assert!(lost["words"].as_str().is_some_and(|words| words.contains("z.csv")), "{lost}");
+}
+
 #[test]
 fn a_truncated_log_is_recovered_and_the_command_ends_with_3() {
     let folder = tempfile::tempdir().unwrap();

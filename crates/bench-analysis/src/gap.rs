@@ -16,7 +16,7 @@ pub(crate) fn gaps<'a>(t: &[f64], states: impl Iterator<Item = &'a [f64; 4]> + C
     let mean = states.clone().map(|s| s[0]).sum::<f64>() / t.len().max(1) as f64;
     let rms_frequency_hz = (mean_square(1, 0.0) / mean_square(0, mean)).sqrt() / std::f64::consts::TAU;
     let of_period_s = if rms_frequency_hz > 0.0 { OF_PERIOD / rms_frequency_hz } else { LONGEST_S };
-    let usual_s = crate::sampling::median_step(t).unwrap_or(0.0);
+    let usual_s = signal::median_step(t).unwrap_or(0.0);
     let limit_s = of_period_s.min(LONGEST_S).max(OF_USUAL_STEP * usual_s);
     t.windows(2).filter(|w| w[1] - w[0] > limit_s).map(|w| (w[0], w[1])).collect()
 }

@@ -147,15 +147,6 @@ pub fn attitude(angle: f64, azimuth: f64) -> [f64; 4] {
     [cos_e * cos_x, -sin_e * sin_x, cos_e * sin_x, sin_e * cos_x]
 }
 
-/// Roll, pitch, yaw (3-2-1 Euler angles of `C`), rad. At ξ = ±90° roll and yaw are undefined: above 80°, compare
-/// quaternions or [`swing_angle`].
-#[must_use]
-pub fn euler(angle: f64, azimuth: f64) -> [f64; 3] {
-    let (s, c) = angle.sin_cos();
-    let turned = if c < 0.0 { std::f64::consts::PI } else { 0.0 };
-    [turned, s.clamp(-1.0, 1.0).asin(), wrapped(azimuth + turned)]
-}
-
 /// The bar's angle from an attitude, rad in (−π, π]: the direction of the vertical in the body's x-z plane,
 /// `atan2(−d_x, d_z)`. Equal to ξ at every angle (no gimbal lock), and independent of the heading and its errors.
 #[must_use]

@@ -47,7 +47,7 @@ pub use crate::encoder::{EncoderError, EncoderSeries, encoder_channel};
 pub use crate::flexibility::{GainAt, bending_response, first_mode_of_gain, flexibility};
 pub use crate::gravity::{STANDARD_GRAVITY_MPS2, normal_gravity};
 pub use crate::kinematics::{
-    BarState, EARTH_RATE, Sensed, acceleration, angular_rate, attitude, euler, magnetic_field, ned_from_body, position,
+    BarState, EARTH_RATE, Sensed, acceleration, angular_rate, attitude, magnetic_field, ned_from_body, position,
     rotation, specific_force, swing_angle, swing_azimuth, velocity, wrapped,
 };
 pub use crate::magnetic::{MagneticModel, ModelField, decimal_year, model_field};

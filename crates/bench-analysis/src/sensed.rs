@@ -3,7 +3,7 @@
 use crate::clock::ChannelTime;
 use crate::gap::Hidden;
 use crate::reference_error::{ReferenceErrors, Sensitivity};
-use crate::sampling::{median_step, rate_hz};
+use crate::sampling::rate_hz;
 use flight::Channel;
 use record::TimeBasis;
 use signal::{DelaySettings, Gain, Measurement, Reference, Sign};
@@ -103,7 +103,7 @@ impl Updates {
             rows: channel.t.len(),
             hidden,
             mean_age_s,
-            row_step_s: median_step(&channel.t),
+            row_step_s: signal::median_step(&channel.t),
         }
     }
 

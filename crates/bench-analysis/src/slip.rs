@@ -35,7 +35,7 @@ const QUANTISER: f64 = 0.289;
 /// At each increment that differs from its neighbours, fits a polynomial of fourth order and a step to 0.1 s before and
 /// after. Hand motion produces a step of no more than four standard uncertainties.
 pub(crate) fn slips(t: &[f64], angle: &[f64], lsb: f64) -> Vec<Slip> {
-    let Some(step_s) = crate::sampling::median_step(t).filter(|s| *s > 0.0) else { return vec![] };
+    let Some(step_s) = signal::median_step(t).filter(|s| *s > 0.0) else { return vec![] };
     let half = ((HALF_S / step_s).round() as usize).max(LEAST_HALF);
     let mut found: Vec<(Slip, f64)> = vec![];
     for row in half..(t.len() + 1).saturating_sub(half) {

@@ -74,6 +74,13 @@ pub(crate) fn measure(
     let mut lateness = match picked {
         Ok(_) => answered(base, &delays, network.as_ref(), health),
         Err(_) if position.is_none() => unusable(base, no_position(flight, binding, positions)),
+        // Against a reference that is on time the lateness is known, although nothing can be removed.
+        Err(refusal @ Refusal::NoChannel { .. })
+            if position.is_some_and(|position| is_absolute(network.as_ref(), position)) =>
+        {
+            let found = answered(base, &delays, network.as_ref(), health);
+            FlightLateness { words: format!("{}. Nothing can be removed: {refusal}", found.words), ..found }
+        }
         Err(refusal @ Refusal::NoChannel { .. }) => {
             let check = position.and_then(|position| against_reference(position, &delays));
             unusable(base, format!("{refusal}{}", check.map(|(_, words)| words).unwrap_or_default()))
@@ -89,6 +96,12 @@ pub(crate) fn measure(
     lateness.alarms.extend(assumed(flight));
     lateness.alarms.sort();
     measured_with(lateness, Some(delays), network, notices)
+}
+
+/// Whether the network knows how late the position is in true time.
+fn is_absolute(network: Option<&DelayNetwork>, position: &str) -> bool {
+    let channel = network.and_then(|network| network.channel(position));
+    channel.is_some_and(|channel| channel.relative_to.is_none())
 }
 
 /// The group of the flight by its receiver, and the fingerprint that identifies copies.
@@ -242,7 +255,10 @@ fn answered(
     health: &LogHealth,
 ) -> FlightLateness {
     let (position, velocity) = (base.position.clone().unwrap_or_default(), base.velocity.clone().unwrap_or_default());
-    let pair = compensated_pair(delays, &position, &velocity);
+    let pair = match &base.velocity {
+        Some(_) => compensated_pair(delays, &position, &velocity),
+        None => pair_with_reference(delays, &position),
+    };
     let over_time = pair.and_then(|p| p.varies.as_ref());
     let channel = network.and_then(|n| n.channel(&position)).cloned();
     let measured = pair.and_then(|p| p.delay.found());
@@ -251,7 +267,8 @@ fn answered(
     let position_minus_velocity_s = against_velocity
         .map(|c| c.lateness_s)
         .or_else(|| network.and_then(|n| difference(n, &position, &velocity)))
-        .or_else(|| measured.map(|m| m.delay_s));
+        .or_else(|| measured.map(|m| m.delay_s))
+        .filter(|_| base.velocity.is_some());
     let mut out = FlightLateness {
         datum: channel.as_ref().map_or(NetworkDatum::None, |c| c.datum),
         against: against(channel.as_ref(), &velocity),
@@ -275,7 +292,7 @@ fn answered(
         out.words += &receivers_in_words(&out);
     }
     let absolute = out.lateness.as_ref().is_some_and(|l| l.relative_to.is_none());
-    let one_delay = matches!(out.kind, DelayKind::Constant | DelayKind::NotTested);
+    let one_delay = matches!(out.kind, DelayKind::Constant | DelayKind::Scatters | DelayKind::NotTested);
     if let Some(lateness_s) = out.lateness_s().filter(|_| absolute && one_delay) {
         let other_velocity = network.and_then(|n| other_velocity(n, &position));
         out.advice = advice(&lateness_s, &out, other_velocity, health);
@@ -302,16 +319,22 @@ fn kind_of(out: &FlightLateness, over_time: Option<&DelayOverTime>, measured: Op
     };
     // Windows that scatter contradict a constant delay.
     let scatters = measured.and_then(|m| m.homogeneity).is_some_and(|h| h.scatters());
-    let tested = !scatters && over_time.is_some_and(|o| o.constancy.tested && o.kind != DelayKind::CannotTell);
     if value.abs() + 1.645 * u < ON_TIME_S {
         DelayKind::OnTime
     } else if value + 1.96 * u < 0.0 {
         DelayKind::Early
-    } else if tested {
-        DelayKind::Constant
-    } else {
+    } else if !over_time.is_some_and(tested) {
         DelayKind::NotTested
+    } else if scatters {
+        DelayKind::Scatters
+    } else {
+        DelayKind::Constant
     }
+}
+
+/// Whether the flight was tested for changes of its delay.
+fn tested(over_time: &DelayOverTime) -> bool {
+    over_time.constancy.tested && over_time.kind != DelayKind::CannotTell
 }
 
 fn also(over_time: Option<&DelayOverTime>) -> Vec<String> {
@@ -369,10 +392,13 @@ fn checked_by_reference<'a>(out: &FlightLateness, delays: &'a FlightDelays) -> O
     against_reference(out.position.as_deref().filter(|_| relative)?, delays)
 }
 
+fn pair_with_reference<'a>(delays: &'a FlightDelays, position: &str) -> Option<&'a PairDelay> {
+    delays.pairs.iter().find(|p| p.kind == DelayPairKind::PositionAgainstReference && p.first == position)
+}
+
 /// The reference, and how late the position is against it, in words.
 fn against_reference<'a>(position: &str, delays: &'a FlightDelays) -> Option<(&'a str, String)> {
-    let against = |p: &&PairDelay| p.kind == DelayPairKind::PositionAgainstReference && p.first == position;
-    let pair = delays.pairs.iter().find(against)?;
+    let pair = pair_with_reference(delays, position)?;
     let found = pair.delay.found()?.delay_s;
     let words = format!(
         ". As a check: the delay of {position} against {} is {} ms (U of the fit alone)",

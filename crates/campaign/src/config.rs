@@ -327,8 +327,7 @@ impl ResolvedReference {
 
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 struct ResolvedDelay {
-    /// `None` where it is implied.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    /// Always written: a comparison of two pipelines names it.
     from: Option<DelaySource>,
     #[serde(skip_serializing_if = "Option::is_none")]
     position_s: Option<f64>,
@@ -879,13 +878,8 @@ impl Checker<'_> {
         };
         let fixed = delay.position_s.as_ref().map(|seconds| self.stated(seconds, written)).transpose();
         let (from, (cards, of_cards), fixed) = (from?, cards?, fixed?);
-        let is_implied = match from {
-            DelaySource::Fixed => !with_card,
-            DelaySource::Card => fixed.is_none(),
-            _ => from == DelaySource::Network && fixed.is_none() && !with_card,
-        };
         let resolved = ResolvedDelay {
-            from: Some(from).filter(|_| !is_implied),
+            from: Some(from),
             position_s: fixed.as_ref().map(|f| plain_zero(f.delay.seconds())),
             standard_uncertainty_s: fixed.as_ref().and_then(|f| f.standard_uncertainty_s),
             source: fixed.as_ref().map(|f| f.source.clone()),

@@ -115,6 +115,11 @@ impl DelayRule {
         if let (false, Some(delay)) = (swept, decision.delay_s.and_then(Delay::from_seconds)) {
             (found.delay, found.standard_uncertainty_s) = (delay, decision.standard_uncertainty_s);
         }
+        // All pairs together give the difference that is removed, and not the one pair alone.
+        if source == DelaySource::Flight {
+            found.source = format!("{} minus {} of this flight, from all pairs", case.position.0, case.velocity.0);
+            candidates[used].1 = Ok(found.clone());
+        }
         let is_new = |text: &&String| !found.notices.iter().any(|n| n.text == **text);
         if let Some(contradicted) = decision.contradicted.as_ref().filter(is_new) {
             found.notices.push(Code::DelayContradicted, case.position.0, 1, contradicted.clone());
@@ -123,7 +128,11 @@ impl DelayRule {
         let choice = DelayChoice {
             asked: self.from,
             used: source,
-            why: if swept { "the pipeline asks for it".to_owned() } else { decision.words.clone() },
+            why: if swept {
+                "The pipeline asks for the best delay of the sweep.".to_owned()
+            } else {
+                decision.words.clone()
+            },
             circular: swept || decision.circular,
             candidates: candidates.into_iter().map(listed).collect(),
             differences: vec![],

@@ -167,7 +167,7 @@ pub fn delay_report(order: &DelayOrder, context: &RunContext<'_>) -> Result<Dela
     library.check(&order.pipeline)?;
     let places: Vec<Logs> = order.paths.iter().map(|path| Logs::below(path)).collect::<Result<_, _>>()?;
     places.iter().try_for_each(|logs| logs.fetch_heads(context.threads, context.cancel))?;
-    let units = units_of(order, &places, &library)?;
+    let (units, unreadable) = units_of(order, &places, &library)?;
     places.iter().for_each(Logs::drop_heads);
     let sizes: Vec<u64> = units.iter().map(|(_, unit)| size_of(unit)).collect();
     let bytes = sizes.iter().sum();
@@ -182,10 +182,20 @@ pub fn delay_report(order: &DelayOrder, context: &RunContext<'_>) -> Result<Dela
     let all: Vec<(&(String, FlightFiles), &Measured)> = units.iter().zip(&measured).collect();
     let line =
         |(): &mut (), (unit, measured): &(&(String, FlightFiles), &Measured)| reader.line(unit, measured, &decided);
-    let flights = workers.each(&all, context.cancel, || (), line).into_iter().flatten().collect();
+    let measured_lines = workers.each(&all, context.cancel, || (), line).into_iter().flatten();
     context.stopped()?;
+    let unreadable_lines = unreadable.iter().map(|(name, reason)| failed_line(name, reason));
+    let mut flights: Vec<DelayLine> = measured_lines.chain(unreadable_lines).collect();
+    flights.sort_by(|a, b| a.flight.cmp(&b.flight));
     let groups = decided.groups.iter().map(GroupLine::of).collect();
     Ok(DelayReport { schema: 1, flights, groups, filter_values: by_folder(&units, &measured) })
+}
+
+/// The line of a file that may be a log and could not be opened.
+fn failed_line(name: &str, reason: &str) -> DelayLine {
+    let Measured { lateness, .. } = Measured::failed(reason);
+    let (lateness, failed) = (Some(&lateness), Some(reason));
+    DelayLine::of(&LineParts { flight: name, lateness, failed, ..LineParts::default() })
 }
 
 /// Values for the design of a filter by flight folder name, for flights that have some.
@@ -200,13 +210,16 @@ fn size_of(unit: &FlightFiles) -> u64 {
     unit.all().filter_map(|f| std::fs::metadata(f).ok()).map(|m| m.len()).sum()
 }
 
-/// The flights of all paths with their names, sorted.
+/// Names of files that may be logs, and why each could not be opened.
+type Unreadable = Vec<(String, String)>;
+
+/// The flights of all paths with their names, sorted, and what could not be opened.
 fn units_of(
     order: &DelayOrder,
     places: &[Logs],
     library: &Library,
-) -> Result<Vec<(String, FlightFiles)>, CampaignError> {
-    let mut units = vec![];
+) -> Result<(Vec<(String, FlightFiles)>, Unreadable), CampaignError> {
+    let (mut units, mut unreadable) = (vec![], vec![]);
     for (path, logs) in order.paths.iter().zip(places) {
         let found = library.discover(logs.root()).map_err(|e| match e {
             IngestError::Log(LogError::Read(ScanError::Io { file, source, .. })) => {
@@ -220,11 +233,12 @@ fn units_of(
             return Err(CampaignError::NoFlights { path: path.clone(), what });
         }
         let several = order.paths.len() > 1 && logs.root().is_dir();
-        let name = |unit: &FlightUnit| match several {
-            true => format!("{}/{}", path.display(), unit.id),
-            false => unit.id.clone(),
+        let name = |id: &str| match several {
+            true => format!("{}/{id}", path.display()),
+            false => id.to_owned(),
         };
-        units.extend(found.units.into_iter().map(|unit| (name(&unit), unit)));
+        unreadable.extend(found.unreadable.iter().map(|(file, why)| (name(file), why.clone())));
+        units.extend(found.units.into_iter().map(|unit| (name(&unit.id), unit)));
     }
     units.sort_by(|a, b| a.0.cmp(&b.0));
     // The user may give a flight twice, by its folder and by its file.
@@ -233,7 +247,8 @@ fn units_of(
     let (names, units): (Vec<String>, Vec<FlightUnit>) = units.into_iter().unzip();
     let name_of: BTreeMap<Vec<PathBuf>, String> = units.iter().map(|u| u.files.clone()).zip(names).collect();
     let cases = with_references(units, order.pipeline.reference_file(), library)?;
-    Ok(cases.into_iter().filter_map(|case| Some((name_of.get(&case.unit.files)?.clone(), case))).collect())
+    let named = cases.into_iter().filter_map(|case| Some((name_of.get(&case.unit.files)?.clone(), case))).collect();
+    Ok((named, unreadable))
 }
 
 struct Reader<'a> {
@@ -388,6 +403,7 @@ impl Reader<'_> {
         let settings = self.order.pipeline.provisional();
         let truth = |flight| TruthEffect::of(flight, &settings, decision.delay_s.unwrap_or(0.0)).ok().flatten();
         let truth = flight.and_then(|flight| caught(|| truth(flight)).ok().flatten());
+        let truth = truth.map(|truth| crate::known_lateness::on_condition(truth, &measured.lateness));
         let known = crate::known_lateness::known(&measured.lateness, decision);
         let removed_s = decision.delay_s.filter(|_| measured.may_be_replayed(decision));
         Some(effect(truth.as_ref(), known.as_ref(), measured.lateness.speed_rms_mps, removed_s))

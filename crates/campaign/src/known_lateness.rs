@@ -1,7 +1,7 @@
 //! Lateness of position and velocity as far as it is known.
 
-use compensation_replay::KnownLateness;
-use record::{Decision, DelaySource, Estimate, FlightLateness, JudgedBy, NetworkVerdict};
+use compensation_replay::{KnownLateness, TruthEffect};
+use record::{Decision, DelaySource, Estimate, FlightLateness, JudgedBy, NetworkVerdict, ReferenceClock};
 
 /// What an effect is judged by: the flight's own lateness, else that of its group, else the velocity alone.
 pub(crate) fn known(lateness: &FlightLateness, decision: &Decision) -> Option<KnownLateness> {
@@ -18,6 +18,16 @@ pub(crate) fn known(lateness: &FlightLateness, decision: &Decision) -> Option<Kn
     let velocity = lateness.velocity.clone()?;
     let lateness_s = lateness.position_minus_velocity_s?;
     Some(KnownLateness { lateness_s, judged_by: JudgedBy::Velocity(velocity), jitter_s })
+}
+
+/// The error against the reference, with its condition if the clock of a reference file was set by the log.
+pub(crate) fn on_condition(truth: TruthEffect, lateness: &FlightLateness) -> TruthEffect {
+    let clock = lateness.reference_file.as_ref().map(|file| &file.clock);
+    let if_on_time = match clock {
+        Some(ReferenceClock::Own(offset)) => Some(offset.by.clone()),
+        Some(ReferenceClock::Same | ReferenceClock::Unknown { .. }) | None => None,
+    };
+    TruthEffect { if_on_time, ..truth }
 }
 
 /// Lateness of the velocity, s: [`known`] minus the difference between position and velocity. `None` if the lateness is

@@ -16,7 +16,7 @@ pub struct DelayLine {
     pub flight: String,
     /// Receiver, firmware, rate, map and log kind.
     pub group: String,
-    /// `constant`, `on-time`, `early`, `not-tested`, `steps`, `switches`, `drifts`, `queues`, `builds-up`, `wanders` or
+    /// `constant`, `on-time`, `early`, `not-tested`, `scatters`, `steps`, `switches`, `drifts`, `queues`, `builds-up`, `wanders` or
     /// `cannot-tell`, each relative to `datum`. With `+jitters`, `+late-fixes`, `+bursts` if detected.
     pub kind: String,
     /// Lateness of the position, s; positive is late. If the datum is `relative to CHANNEL`: how much later it is than

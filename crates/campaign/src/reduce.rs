@@ -760,7 +760,7 @@ fn row_of(line: &Line<'_>, record: &FlightRecord) -> FlightRow {
         velocity_rate_hz: rate(record, velocity.as_deref()),
         position,
         velocity,
-        speed_median_mps: replay.map(|r| r.speed_mps.median),
+        speed_median_mps: record.drawable().map(|r| r.speed_mps.median),
         delay_s: replay.map(|r| r.settings.delay.seconds()),
         measured_delay_s: record.lateness.as_ref().and_then(|l| l.position_minus_velocity_s),
         delay_from: replay.and_then(|r| Some(r.choice.as_ref()?.used)),

@@ -12,7 +12,7 @@ use crate::run_context::RunContext;
 use compensation_replay::{Replay, Sweeper, TrackRows, TruthEffect, effect, replay, sketch};
 use flight::{Code, Notices};
 use ingest::{IngestError, Limits, Loaded, LogError, ReadContext, ScanError};
-use record::{Decision, Effect, ExplorerRows, FlightRecord, MeasuredFlight, Outcome, ReplayRecord};
+use record::{Decision, DelaySource, Effect, ExplorerRows, FlightRecord, MeasuredFlight, Outcome, ReplayRecord};
 
 /// The lasting result of a flight: the same log and settings always give the same.
 #[derive(Debug)]
@@ -152,6 +152,9 @@ impl Replaying {
         let done = self.compensated(case, &mut draft.notices);
         let removed_s = done.as_ref().ok().map(|done| done.record.settings.delay.seconds());
         draft.effect = self.effect(case, removed_s);
+        if let Some(swept) = done.as_ref().ok().and_then(|done| swept(case.decision, done)) {
+            draft.decision = Some(swept);
+        }
         match done {
             Ok(done) => {
                 draft.notices.extend_unsaid(done.notices);
@@ -176,6 +179,7 @@ impl Replaying {
         let (lateness, decision) = (case.lateness, case.decision);
         let truth = TruthEffect::of(case.flight, &self.pipeline.provisional(), removed_s.unwrap_or(0.0)).ok().flatten();
         lateness.velocity.as_ref()?;
+        let truth = truth.map(|truth| crate::known_lateness::on_condition(truth, lateness));
         Some(effect(
             truth.as_ref(),
             crate::known_lateness::known(lateness, decision).as_ref(),
@@ -213,6 +217,20 @@ impl Replaying {
         done.record.choice = Some(decided.choice);
         Ok(done)
     }
+}
+
+/// The decision where the replay removed the optimum of the flight's sweep, which is known only then.
+fn swept(decision: &Decision, done: &Replay) -> Option<Decision> {
+    let choice = done.record.choice.as_ref().filter(|choice| choice.used == DelaySource::Sweep)?;
+    let settings = &done.record.settings;
+    Some(Decision {
+        used: Some(DelaySource::Sweep),
+        delay_s: Some(settings.delay.seconds()),
+        standard_uncertainty_s: settings.delay_uncertainty_s,
+        circular: choice.circular,
+        words: choice.why.clone(),
+        ..decision.clone()
+    })
 }
 
 impl Study for Replaying {

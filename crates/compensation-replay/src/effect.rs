@@ -64,7 +64,8 @@ fn by_truth(truth: &TruthEffect, removed_s: Option<f64>) -> Effect {
         }
     };
     let judged_by = JudgedBy::Truth(truth.reference.clone());
-    let against = format!("against {}", truth.reference);
+    let condition = truth.if_on_time.as_ref().map_or(String::new(), |what| format!(", if {what} is on time"));
+    let against = format!("against {}{condition}", truth.reference);
     finished(verdict, judged_by, &against, [truth.raw_m, truth.compensated_m], truth.best_m, removed_s)
 }
 
@@ -226,6 +227,7 @@ mod tests {
         let e = |value, u| Estimate { value, standard_uncertainty: Some(u) };
         let truth = |change: f64, u: f64| TruthEffect {
             reference: "position.truth".into(),
+            if_on_time: None,
             raw_m: e(1.0, 0.3),
             compensated_m: e(1.0 + change, 0.3),
             change_m: e(change, u),
@@ -240,5 +242,8 @@ mod tests {
         let found = effect(Some(&far), None, None, Some(0.4));
         assert_eq!(found.verdict, EffectVerdict::NoChange);
         assert!(found.words.ends_with("but 19.4 × the smallest possible error"), "{}", found.words);
+        let conditional = TruthEffect { if_on_time: Some("velocity.gps".into()), ..far };
+        let words = effect(Some(&conditional), None, None, Some(0.4)).words;
+        assert!(words.contains("(against position.truth, if velocity.gps is on time)"), "{words}");
     }
 }

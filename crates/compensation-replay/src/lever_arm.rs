@@ -168,24 +168,6 @@ pub fn lever_sensitivity(motion: &LeverMotion<'_>) -> Option<LeverSensitivity> {
     excited.then(|| LeverSensitivity { shift_s_per_m: -forward / power, sideways_s_per_m: -sideways / power, samples })
 }
 
-/// The same from speeds alone: −ΣwU/ΣwU². Correct if the path turns and the nose is along it.
-#[must_use]
-pub fn lever_sensitivity_of_speeds(speed_mps: &[f64], weight: &[f64]) -> Option<LeverSensitivity> {
-    let rows = speed_mps.iter().enumerate().map(|(row, u)| (*u, weight_of(weight, row).unwrap_or(0.0)));
-    let moving = rows.filter(|(u, w)| u.is_finite() && *u >= LEAST_SPEED_MPS && *w > 0.0);
-    let (mut samples, mut first, mut second) = (0, 0.0, 0.0);
-    for (u, w) in moving {
-        samples += 1;
-        first += w * u;
-        second += w * u * u;
-    }
-    (second > 0.0 && second.is_finite()).then(|| LeverSensitivity {
-        shift_s_per_m: -first / second,
-        sideways_s_per_m: 0.0,
-        samples,
-    })
-}
-
 /// One row as input to the projection.
 struct Sample {
     piece: usize,

@@ -48,10 +48,7 @@ pub use export::{
 };
 pub use flight_delay::{FlightDelaySettings, measure_delays};
 pub use input::{Picked, Refusal, pick_pair, some_of};
-pub use lever_arm::{
-    AntennaArm, LeverMotion, LeverSensitivity, VelocityPoint, antenna_arm, lever_sensitivity,
-    lever_sensitivity_of_speeds,
-};
+pub use lever_arm::{AntennaArm, LeverMotion, LeverSensitivity, VelocityPoint, antenna_arm, lever_sensitivity};
 pub use pade::PadeTustin;
 pub use reference_file::{
     ClockRule, Likeness, REFERENCE_POSITION, REFERENCE_VELOCITY, join_reference, likeness, relate_clocks,

@@ -245,8 +245,7 @@ fn note_outside(samples: &[f64], first: f64, last: f64, notices: &mut Notices) {
 
 /// Median step of rising times, s.
 pub(crate) fn median_step(t: &[f64]) -> f64 {
-    let mut steps: Vec<f64> = t.windows(2).map(|w| w[1] - w[0]).collect();
-    signal::median_in_place(&mut steps).unwrap_or_default()
+    signal::median_step(t).unwrap_or_default()
 }
 
 /// Velocity gaps up to this long are bridged, s.

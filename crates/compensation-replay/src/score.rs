@@ -13,7 +13,6 @@ pub(crate) use all::{Played, scores};
 pub(crate) use jackknife::{Blocks, root_mean};
 pub(crate) use onboard::onboard;
 
-use self::jackknife::percentiles;
 use crate::compensator::CompensatorKind;
 use crate::estimate::{EXACT_ASYNC, Positions, of_segments};
 use crate::horizontal::{AXES, Horizontal};
@@ -217,7 +216,7 @@ fn step_at_fix(input: &Input, track: &Positions, innovations: &Innovations) -> O
 fn percentile_95(squares: &[f64]) -> Option<Estimate> {
     const PARTS: usize = 10;
     const STUDENT: f64 = 2.262_157;
-    let p95 = |squares: &[f64]| percentiles(&mut squares.to_vec(), &[0.95]).first().map(|p| p.sqrt());
+    let p95 = |squares: &[f64]| signal::percentile(squares, 0.95).map(f64::sqrt);
     let value = p95(squares)?;
     let n = squares.len();
     let of_parts = (n >= 20 * PARTS).then(|| {

@@ -43,6 +43,8 @@ const LEAST_ITEMS: usize = 3;
 pub struct TruthEffect {
     /// The reference channel.
     pub reference: String,
+    /// What must be on time for the error to hold, if the clock of the reference was set by it.
+    pub if_on_time: Option<String>,
     /// 2-D rms before, m.
     pub raw_m: Estimate,
     /// 2-D rms after, m.
@@ -152,6 +154,7 @@ impl Sweeper {
         let rms = |sum: f64, n: f64| root_mean([sum, n]);
         Some(TruthEffect {
             reference,
+            if_on_time: None,
             raw_m: blocks.size(|[b, _, n]| rms(b, n))?,
             compensated_m: blocks.size(|[_, a, n]| rms(a, n))?,
             change_m: paired_change(&before, &after),

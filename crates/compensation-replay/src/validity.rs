@@ -2,7 +2,7 @@
 
 use crate::compensator::{ModalFilter, PadeForm};
 use nalgebra::Complex;
-use signal::{Spectrum, power_spectrum};
+use signal::Spectrum;
 use std::f64::consts::TAU;
 
 /// The model of the delay: a Padé form, or the exact one.
@@ -84,15 +84,8 @@ impl ValidityBand {
         Some(ValidityBand { factor, helps_below_hz: below(factor), halves_below_hz: below(0.5), worse_above_hz: worse })
     }
 
-    /// Distribution of the motion of a flight over the band, from its velocity (m/s, one slice per axis) at `rate_hz`,
-    /// even steps. Power about the mean of each axis: straight flight has none. `None` without motion.
-    #[must_use]
-    pub fn share_of(&self, velocity: &[&[f64]], rate_hz: f64) -> Option<MotionShare> {
-        let spectra: Vec<_> = velocity.iter().map(|v| power_spectrum(v, rate_hz)).collect();
-        self.share_of_spectra(&spectra)
-    }
-
-    /// The same from spectra of the axes.
+    /// Distribution of the motion of a flight over the band, from the power spectra of the axes of its velocity about its
+    /// mean: straight flight has none. `None` without motion.
     pub(crate) fn share_of_spectra(&self, spectra: &[Spectrum]) -> Option<MotionShare> {
         let lines = || spectra.iter().flat_map(|s| s.frequency_hz.iter().zip(&s.power));
         let total: f64 = lines().map(|(_, p)| p).sum();
@@ -176,6 +169,7 @@ mod tests {
     use super::*;
     use crate::compensator::{CompensatorKind, VelocityFilter};
     use record::StartRule;
+    use signal::power_spectrum;
 
     fn band(m: usize, n: usize, factor: f64) -> ValidityBand {
         let form = PadeForm::new(m, n).unwrap();
@@ -269,9 +263,9 @@ mod tests {
         let (slow, mid, fast) = (tone(0.3, 8f64.sqrt()), tone(1.0, 1.0), tone(2.0, 1.0));
         let north: Vec<f64> = (0..10_000).map(|k| 9.0 + slow(k) + mid(k)).collect();
         let east: Vec<f64> = (0..10_000).map(fast).collect();
-        let share = band.share_of(&[&north, &east], 50.0).unwrap();
+        let share = band.share_of_spectra(&[&north, &east].map(|v| power_spectrum(v, 50.0))).unwrap();
         assert!((share.helped - 0.8).abs() < 1e-3 && (share.between - 0.1).abs() < 1e-3, "{share:?} {band:?}");
         assert!((share.helped + share.between + share.worse - 1.0).abs() < 1e-12);
-        assert_eq!(band.share_of(&[&[3.0; 100]], 50.0), None);
+        assert_eq!(band.share_of_spectra(&[power_spectrum(&[3.0; 100], 50.0)]), None);
     }
 }

@@ -71,7 +71,6 @@ pub fn pool(flights: &[FlightLateness], datum_uncertainty_s: f64) -> Option<Dela
         mean_s: group.estimate(&mean),
         interval_95_s: interval(half),
         half_width_95_s: half,
-        prediction_95_s: mean.prediction_half().map(|own| interval(own.hypot(K95 * group.common_s))),
         tau_s: mean.tau,
         common_s: group.common_s,
         difference,

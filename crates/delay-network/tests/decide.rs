@@ -204,7 +204,7 @@ fn row_9_aligns_the_position_with_the_velocity_on_request() {
     assert_eq!((removed.row, removed.source, removed.circular), (9, Some(DelaySource::Flight), true));
     assert_eq!(removed.value_s, Some(0.147));
     assert!(
-        removed.words.contains("position with velocity.ekf, the lateness of which is unknown"),
+        removed.words.contains("position with velocity.ekf: what velocity.ekf itself is late remains"),
         "{}",
         removed.words
     );

@@ -107,9 +107,6 @@ fn equal_uncertainties_give_the_hartung_knapp_interval() {
     assert!((found.half_width_95_s / half - 1.0).abs() < 1e-6);
     let own = 0.0081_f64.powi(2) - 0.0078_f64.powi(2);
     assert!((found.tau_s.unwrap() - (variance - own).sqrt()).abs() < 1e-7);
-    let [low, high] = found.prediction_95_s.unwrap();
-    let predicted = (4.302_652_7 * (variance - own + se * se).sqrt()).hypot(1.96 * 0.0078);
-    assert!(((high - low) / 2.0 / predicted - 1.0).abs() < 1e-6);
 }
 
 #[test]
@@ -143,7 +140,7 @@ fn the_mean_of_a_group_has_its_stated_coverage() {
 fn single_flights_and_invalid_input_are_handled() {
     let one = pool(&flights(&[0.2]), DATUM_S).unwrap();
     assert!((one.half_width_95_s - 1.96 * 0.0081).abs() < 1e-12);
-    assert_eq!((one.tau_s, one.difference, one.prediction_95_s), (None, None, None));
+    assert_eq!((one.tau_s, one.difference), (None, None));
     assert_eq!(one.members[0].z, None);
     assert_eq!(pool(&[], DATUM_S), None);
     assert_eq!(pool(&[flight(0, f64::NAN)], DATUM_S), None);

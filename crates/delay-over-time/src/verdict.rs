@@ -1,6 +1,6 @@
 //! Turns the results into the record: kind, level, constancy, curve, terms.
 
-use crate::bin_statistics::bin_statistics;
+use crate::bin_statistics::step_or_excursion;
 use crate::delays::Effect;
 use crate::settings::OverTimeSettings;
 use crate::shape::Shape;
@@ -177,8 +177,7 @@ fn note_of(c: &Constancy, first_s: f64, differs: bool) -> Option<String> {
 /// A change that is significant on bins, although no window has a usable level.
 fn change_on_bins(found: &Found) -> Option<f64> {
     let (flexible, test) = (found.flexible.as_ref()?, found.test.as_ref()?);
-    let statistics = bin_statistics(&flexible.a, &flexible.z, &flexible.middle_s)?;
-    let size = statistics.step_or_excursion / test.all.inflation;
+    let size = step_or_excursion(&flexible.a, &flexible.z)? / test.all.inflation;
     (size > SURE_CHANGE).then_some(size)
 }
 

@@ -8,6 +8,8 @@ use record::{DelayKind, DelayTermKind};
 
 /// Slopes below this may come from clocks that run at different rates, s/s.
 const CLOCK_SKEW: f64 = 2e-4;
+/// A trend over the flight that is smaller than this many scatters of the windows is not named.
+const SKEW_SCATTERS: f64 = 3.0;
 /// Shortest flight that is recommended, s.
 const SHORTEST_S: f64 = 120.0;
 
@@ -15,7 +17,7 @@ const SHORTEST_S: f64 = 120.0;
 pub(crate) fn sentence(found: &Found, v: &Verdict) -> String {
     let mut text = match v.kind {
         DelayKind::CannotTell => cannot_tell(found, v),
-        DelayKind::NotTested => format!("{}. {}", late(v.level), detectable_change(found, v)),
+        DelayKind::NotTested | DelayKind::Scatters => format!("{}. {}", late(v.level), detectable_change(found, v)),
         DelayKind::OnTime => {
             format!("Position and velocity agree in time: {}. {}", late(v.level), detectable_change(found, v))
         }
@@ -112,15 +114,15 @@ fn changes(found: &Found, v: &Verdict) -> String {
             let steps = steps(found);
             let how = if v.kind == DelayKind::Switches { "switches to and fro" } else { "jumps" };
             match steps.as_slice() {
-                [(at, size)] if shape.span_s() > (1.0 + MORE) * size.abs() => format!(
+                [(at, size)] if shape.span_s() > (1.0 + MORE) * size.value.abs() => format!(
                     "The delay jumps by {} at {at:.0} s of the flight, and also changes slowly: {range}.",
-                    milliseconds(*size)
+                    plus_minus(*size)
                 ),
                 [(at, size)] => format!(
                     "The delay jumps by {} at {at:.0} s of the flight, from {} to {}.",
-                    milliseconds(*size),
-                    milliseconds(if *size > 0.0 { shape.least_s } else { shape.most_s }),
-                    milliseconds(if *size > 0.0 { shape.most_s } else { shape.least_s }),
+                    plus_minus(*size),
+                    milliseconds(if size.value > 0.0 { shape.least_s } else { shape.most_s }),
+                    milliseconds(if size.value > 0.0 { shape.most_s } else { shape.least_s }),
                 ),
                 many => format!("The delay {how} {} times {range}.", many.len()),
             }
@@ -135,16 +137,19 @@ fn changes(found: &Found, v: &Verdict) -> String {
 }
 
 /// Steps with their instants after the first fix.
-fn steps(found: &Found) -> Vec<(f64, f64)> {
-    let terms = found.refined.iter().flat_map(|r| &r.description.terms);
-    terms.filter(|t| t.kind == DelayTermKind::Step).map(|t| (t.at_s - found.span_s[0], t.size)).collect()
+fn steps(found: &Found) -> Vec<(f64, record::Estimate)> {
+    let Some(refined) = &found.refined else { return vec![] };
+    let terms = refined.description.terms.iter().enumerate().filter(|(_, t)| t.kind == DelayTermKind::Step);
+    let size =
+        |i: usize, value: f64| record::Estimate { value, standard_uncertainty: Some(refined.size_uncertainty(i)) };
+    terms.map(|(i, t)| (t.at_s - found.span_s[0], size(i, t.size))).collect()
 }
 
 /// Consequence for a compensation.
 pub(crate) fn advice(v: &Verdict) -> String {
     let text = match v.kind {
         DelayKind::CannotTell => "Remove no delay. A configured delay is not verified by this flight.",
-        DelayKind::NotTested => "Remove this delay if other flights of the same receiver agree.",
+        DelayKind::NotTested | DelayKind::Scatters => "Remove this delay if other flights of the same receiver agree.",
         DelayKind::OnTime => "Remove no delay.",
         DelayKind::Constant => "Remove this delay.",
         DelayKind::Early => "Leave the position as it is. Off-line, shift the velocity instead: it is the later one.",
@@ -243,9 +248,15 @@ fn clock_skew(found: &Found, v: &Verdict) -> Option<String> {
     let is_one = !v.kind.varies() && v.constancy.left_out_window_s.is_none();
     let c = found.test.as_ref()?.comparison.as_ref().filter(|_| is_one)?;
     let rate = sure(c.rate)?;
-    (rate.value.abs() < CLOCK_SKEW).then(|| {
+    let [start, end] = found.span_s;
+    let stands_out = (rate.value * (end - start)).abs() > SKEW_SCATTERS * c.scatter_s;
+    (stands_out && rate.value.abs() < CLOCK_SKEW).then(|| {
         let u = rate.standard_uncertainty.unwrap_or(0.0);
-        format!("The delay grows by {:.1} ± {:.1} ppm: the clocks run at different rates.", 1e6 * rate.value, 2e6 * u)
+        format!(
+            "The delay grows by {:.1} ± {:.1} ppm, as between clocks that run at different rates.",
+            1e6 * rate.value,
+            2e6 * u
+        )
     })
 }
 
@@ -307,13 +318,13 @@ mod tests {
             let f = described(terms, 0.2);
             assert_eq!(text_of(&f), format!("The delay {expected}."));
         };
-        says(&[(Step, 120.0, 0.3)], "jumps by 300 ms at 120 s of the flight, from 200 ms to 500 ms");
-        says(&[(Step, 100.0, -0.15)], "jumps by \u{2212}150 ms at 100 s of the flight, from 200 ms to 50 ms");
+        says(&[(Step, 120.0, 0.3)], "jumps by 300 ± 4 ms at 120 s of the flight, from 200 ms to 500 ms");
+        says(&[(Step, 100.0, -0.15)], "jumps by \u{2212}150 ± 4 ms at 100 s of the flight, from 200 ms to 50 ms");
         says(&[(Step, 80.0, 0.1), (Step, 160.0, 0.3)], "jumps 2 times between 200 ms and 600 ms");
         let to_and_fro = [(Step, 40.0, 0.3), (Step, 100.0, -0.3), (Step, 160.0, 0.3)];
         says(&to_and_fro, "switches to and fro 3 times between 200 ms and 500 ms");
         // 240 s of 0.25 ms/s in addition to a step of 0.3 s: a span of 360 ms.
-        let text = "jumps by 300 ms at 120 s of the flight, and also changes slowly: between 200 ms and 560 ms";
+        let text = "jumps by 300 ± 4 ms at 120 s of the flight, and also changes slowly: between 200 ms and 560 ms";
         says(&[(Bend, 0.0, 2.5e-4), (Step, 120.0, 0.3)], text);
     }
 
@@ -356,12 +367,19 @@ mod tests {
         };
         let u = 1e-3 / (143.0 * 400.0f64).sqrt();
         let text = |ppm: &str| {
-            Some(format!("The delay grows by {ppm} ± {:.1} ppm: the clocks run at different rates.", 2e6 * u))
+            Some(format!(
+                "The delay grows by {ppm} ± {:.1} ppm, as between clocks that run at different rates.",
+                2e6 * u
+            ))
         };
         assert_eq!(skew(5e-5), text("50.0"));
         assert!(skew(-5e-5).unwrap().contains("50.0 ± "));
         assert_eq!(skew(2.9 * u), None);
         assert_eq!(skew(2.1e-4), None);
+        // 11 ms of trend among windows that scatter by 20 ms.
+        let to_and_fro = |k: i32| 0.2 + 1e-3 * f64::from(k) + if k % 2 == 0 { 0.02 } else { -0.02 };
+        let f = found(&(0..12).map(to_and_fro).collect::<Vec<f64>>(), 1e-3);
+        assert!(!remarks(&f, &judged(&f)).iter().any(|r| r.contains("clocks")));
     }
 
     #[test]

@@ -359,6 +359,17 @@ mod tests {
     }
 
     #[test]
+    fn only_a_file_named_toml_is_a_pipeline() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        std::fs::create_dir(path("report.toml")).unwrap();
+        std::fs::write(path("p.toml"), "schema = 1\n").unwrap();
+        std::fs::write(path("report"), "").unwrap();
+        let refused = |second: &str| refuse_pipelines([&path("report.toml"), &path(second)]).is_err();
+        assert_eq!([refused("report"), refused("report.toml"), refused("p.toml")], [false, false, true]);
+    }
+
+    #[test]
     fn a_long_section_ends_with_the_number_of_rows_that_only_the_page_has() {
         let changes = |count: usize| RunChanges { gone: vec![named("g"); count], ..RunChanges::default() };
         for (count, last) in [(50, "g"), (53, "and 3 more; --json and the page of --out have all")] {

@@ -28,7 +28,7 @@
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
-use signal::{Reading, mean_of};
+use signal::{Reading, mean_of, median_by_selection};
 
 /// Minimum number of values in a segment.
 const LEAST: usize = 3;
@@ -97,7 +97,7 @@ pub(crate) fn change_points(x: &[f64], u: &[f64], looks: Looks) -> ChangePoints 
     if looks == Looks::Every && !u.is_empty() {
         // Otherwise, an underestimated spread would turn a few flights with far better accuracy than the others into a
         // step.
-        let usual = median(&mut u.clone());
+        let usual = median_by_selection(&u).unwrap_or_default();
         u.iter_mut().for_each(|u| *u = u.max(usual));
     }
     let between = spread(&x, &u);
@@ -210,18 +210,6 @@ pub(crate) fn spread(x: &[f64], u: &[f64]) -> f64 {
     (0.5 * (low + high)).sqrt()
 }
 
-/// Median; for an even number of values the mean of the middle two. Reorders the values.
-fn median(values: &mut [f64]) -> f64 {
-    let (middle, is_odd) = (values.len() / 2, values.len() % 2 == 1);
-    let (below, at, _) = values.select_nth_unstable_by(middle, f64::total_cmp);
-    let upper = *at;
-    if is_odd {
-        return upper;
-    }
-    let lower = below.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    0.5 * (lower + upper)
-}
-
 /// Values that are far from those before them and from those after them. At an end there is only one side.
 fn find_outliers(x: &[f64], u: &[f64], between: f64) -> Vec<usize> {
     let far = |i: usize, side: std::ops::Range<usize>| {
@@ -231,7 +219,7 @@ fn find_outliers(x: &[f64], u: &[f64], between: f64) -> Vec<usize> {
         // The median of three has about half the variance of one.
         let own = side.clone().map(|k| u[k].powi(2)).sum::<f64>() / side.len() as f64;
         let variance = u[i].powi(2) + between.powi(2) + (own + between.powi(2)) / 2.0;
-        let middle = median(&mut x[side].to_vec());
+        let middle = median_by_selection(&x[side]).unwrap_or_default();
         (x[i] - middle).abs() > ODD_SIGMAS * variance.sqrt().max(TINY)
     };
     let is_outlier = |i: &usize| far(*i, i.saturating_sub(3)..*i) && far(*i, i + 1..(i + 4).min(x.len()));
@@ -390,7 +378,7 @@ fn threshold(u: &[f64], false_alarm: f64) -> f64 {
     let n = u.len();
     // Evenly thinned: the threshold depends on the number of values as ln ln n, and hardly on single uncertainties.
     let used: Vec<f64> = if n <= LONGEST { u.to_vec() } else { (0..LONGEST).map(|k| u[k * n / LONGEST]).collect() };
-    let usual = median(&mut used.clone()).max(TINY);
+    let usual = median_by_selection(&used).unwrap_or_default().max(TINY);
     let simulated = SPREADS.map(|factor| exceeded(&used, factor * usual, false_alarm)).into_iter().fold(0.0, f64::max);
     let growth = (n as f64).ln().ln() - (used.len() as f64).ln().ln();
     simulated + 2.0 * growth.max(0.0)

@@ -217,8 +217,6 @@ pub struct DelayPool {
     pub interval_95_s: [f64; 2],
     /// Half of its width, s.
     pub half_width_95_s: f64,
-    /// Interval that contains the next flight's delay with 95 % probability, s; `None` for one flight.
-    pub prediction_95_s: Option<[f64; 2]>,
     /// Standard deviation between flights in excess of their own measurement part, s (REML); `None` for one flight.
     pub tau_s: Option<f64>,
     /// Model part shared by all flights, s: it does not average out.

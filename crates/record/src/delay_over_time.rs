@@ -14,6 +14,9 @@ pub enum DelayKind {
     CannotTell,
     /// The level is known. The flight is too short, or has too little motion, to show whether the delay stays the same.
     NotTested,
+    /// The level is known. The delay differs between windows by more than their uncertainties, and no change in time
+    /// explains it.
+    Scatters,
     /// Constant, and zero within the margin.
     OnTime,
     /// Constant, and the position is late, or later than the channel it is compared with.
@@ -55,6 +58,7 @@ impl DelayKind {
         match self {
             DelayKind::CannotTell => "cannot tell",
             DelayKind::NotTested => "not tested",
+            DelayKind::Scatters => "scatters",
             DelayKind::OnTime => "on time",
             DelayKind::Constant => "constant",
             DelayKind::Early => "early",

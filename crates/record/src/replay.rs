@@ -153,8 +153,6 @@ pub struct LeadCurves {
 pub struct Lead {
     /// Median, m.
     pub median_m: f64,
-    /// Median divided by ground speed, ms; `None` if the aircraft is never fast enough.
-    pub median_ms: Option<f64>,
     /// Curve over the flight, m.
     pub over_time_m: Curve,
     /// Curve over the flight, divided by ground speed, ms.

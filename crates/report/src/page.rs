@@ -44,7 +44,7 @@ use crate::site::FIGURES_ZIP;
 use crate::text::{sentence, shown, shown_block};
 use crate::verdict;
 use maud::{DOCTYPE, Markup, PreEscaped, Render, html};
-use record::{Estimate, Finding, Outcome, SensorIdentity, TimeBasis, Verdict};
+use record::{Estimate, Finding, SensorIdentity, TimeBasis, Verdict};
 
 /// What a page needs besides the common style sheet. Every page is readable without its script.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -171,17 +171,6 @@ fn sensor_name(sensor: &SensorIdentity) -> String {
 
 fn badge(class: &str, icon: &str, word: &str) -> Markup {
     html! { span class={ "badge " (class) } { span aria-hidden="true" { (icon) " " } (word) } }
-}
-
-/// Why there is no result.
-fn reason(outcome: &Outcome) -> Option<&str> {
-    match outcome {
-        Outcome::Compensated => None,
-        Outcome::Uncompensated { reason }
-        | Outcome::NotMeasurable { reason }
-        | Outcome::Pending { reason }
-        | Outcome::Failed { reason } => Some(reason),
-    }
 }
 
 /// `6.984 ± 0.020` without a line break, or the value alone. The markup has the value at full precision.

@@ -68,7 +68,7 @@ pub(crate) fn source_phrase(source: DelaySource) -> &'static str {
         DelaySource::Network => "the delay network",
         DelaySource::OthersFlights => "other flights of the group",
         DelaySource::OwnNetwork => "this flight's own lateness",
-        DelaySource::Flight => "position against velocity, one pair of this flight",
+        DelaySource::Flight => "position against velocity of this flight",
         DelaySource::Sweep => "best of the sweep",
     }
 }

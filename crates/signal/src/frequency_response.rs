@@ -1,6 +1,7 @@
 //! The response of a sensor to each frequency of the reference: gain, phase, and their uncertainty.
 
 use crate::Reference;
+use crate::statistics::median_step;
 use rustfft::{Fft, FftPlanner, num_complex::Complex};
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
@@ -175,7 +176,7 @@ impl Record {
         // A grid that ends a rounding error after the last timestamp still fits.
         let count =
             if span_s < reach_s * (1.0 - 1e-9) { 0 } else { ((span_s - reach_s) / hop_s * (1.0 + 1e-9)) as usize + 1 };
-        let longest_s = longest_s.max(GAP_INTERVALS * median_interval(&self.t));
+        let longest_s = longest_s.max(GAP_INTERVALS * median_step(&self.t).unwrap_or_default());
         let gaps: Vec<(f64, f64)> =
             self.t.windows(2).filter(|w| w[1] - w[0] > longest_s).map(|w| (w[0], w[1])).collect();
         for k in 0..count {
@@ -221,12 +222,6 @@ impl Record {
         }
         sum
     }
-}
-
-fn median_interval(t: &[f64]) -> f64 {
-    let mut intervals: Vec<f64> = t.windows(2).map(|w| w[1] - w[0]).collect();
-    let middle = intervals.len() / 2;
-    if intervals.is_empty() { 0.0 } else { *intervals.select_nth_unstable_by(middle, f64::total_cmp).1 }
 }
 
 /// Spectra summed over segments; their scale is irrelevant.

@@ -70,6 +70,9 @@ pub use smooth::{SmoothError, SmoothedMotion, Smoother, smooth, smooth_by_gcv, u
 pub use spectrum::{Spectrum, power_spectrum};
 pub use spline::{CubicSpline, SplineError};
 pub use static_noise::{resolution, static_deviation, static_segments};
-pub use statistics::{block_jackknife_rms, median_by_selection, median_in_place, percentile_of_sorted, robust_sigma};
+pub use statistics::{
+    block_jackknife_rms, median_by_selection, median_in_place, median_step, percentile, percentile_of_sorted,
+    percentiles, robust_sigma,
+};
 pub use whiten::{NoiseModel, whiten};
 pub use window::{Window, largest_sum};

@@ -13,6 +13,43 @@ pub fn percentile_of_sorted(sorted: &[f64], share: f64) -> Option<f64> {
     Some(sorted[below] + (position - below as f64) * (sorted[above] - sorted[below]))
 }
 
+/// Quantiles of values as in [`percentile_of_sorted`], without sorting all; `shares` rise. Reorders the values. Empty
+/// without values.
+pub fn percentiles(values: &mut [f64], shares: &[f64]) -> Vec<f64> {
+    let Some(last) = values.len().checked_sub(1) else { return vec![] };
+    let mut end = values.len();
+    let mut out: Vec<f64> = shares
+        .iter()
+        .rev()
+        .map(|share| {
+            let position = share.clamp(0.0, 1.0) * last as f64;
+            let below = position.floor() as usize;
+            // Larger values were already partitioned off by the previous quantile.
+            let above = values[end..].iter().copied().fold(f64::INFINITY, f64::min);
+            let (_, low, high) = values[..end].select_nth_unstable_by(below, f64::total_cmp);
+            let next = high.iter().copied().fold(above, f64::min);
+            let value = if below < last { *low + (position - below as f64) * (next - *low) } else { *low };
+            end = below + 1;
+            value
+        })
+        .collect();
+    out.reverse();
+    out
+}
+
+/// One quantile of values in any order, as [`percentile_of_sorted`]. `None` without values.
+#[must_use]
+pub fn percentile(values: &[f64], share: f64) -> Option<f64> {
+    percentiles(&mut values.to_vec(), &[share]).pop()
+}
+
+/// The median step of rising times. `None` for fewer than two.
+#[must_use]
+pub fn median_step(t: &[f64]) -> Option<f64> {
+    let steps: Vec<f64> = t.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    median_by_selection(&steps)
+}
+
 /// The median; sorts the slice. `None` without values.
 #[must_use]
 pub fn median_in_place(values: &mut [f64]) -> Option<f64> {
@@ -70,6 +107,26 @@ pub fn block_jackknife_rms(squares: &[f64]) -> Option<BlockEstimate> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn quantiles_match_those_of_sorted_values() {
+        let mut values: Vec<f64> = (0..1000).map(|k| f64::from((k * 7919) % 1009)).collect();
+        let shares = [0.0, 0.5, 0.5, 0.68, 0.95, 0.9501, 0.99, 1.0];
+        let found = percentiles(&mut values.clone(), &shares);
+        values.sort_unstable_by(f64::total_cmp);
+        let expected: Vec<f64> = shares.iter().map(|s| percentile_of_sorted(&values, *s).unwrap()).collect();
+        assert_eq!(found, expected);
+        assert_eq!(percentiles(&mut [7.0], &[0.0, 1.0]), [7.0, 7.0]);
+        assert!(percentiles(&mut [], &[0.5]).is_empty());
+        assert_eq!(percentile(&[8.0, 1.0, 4.0, 2.0], 0.25), Some(1.75));
+        assert_eq!(percentile(&[], 0.25), None);
+    }
+
+    #[test]
+    fn the_median_step_needs_two_times() {
+        assert_eq!(median_step(&[0.0, 1.0, 3.0, 4.0]), Some(1.0));
+        assert_eq!(median_step(&[5.0]), None);
+    }
 
     #[test]
     fn percentiles_agree_with_numpy() {

@@ -31,7 +31,7 @@ pub(super) fn of(
     }
     alarms.network(out, network);
     if let Some(measured) = measured {
-        alarms.pair(measured, out, over_time.is_some_and(|o| o.kind.varies()));
+        alarms.pair(measured, out, over_time);
     }
     alarms.0.sort();
     let mut texts = BTreeSet::new();
@@ -100,7 +100,8 @@ impl Alarms {
     }
 
     /// Doubts about the fit of position against velocity.
-    fn pair(&mut self, fit: &MeasuredDelay, out: &FlightLateness, varies: bool) {
+    fn pair(&mut self, fit: &MeasuredDelay, out: &FlightLateness, over_time: Option<&DelayOverTime>) {
+        let varies = over_time.is_some_and(|o| o.kind.varies());
         if let Some(rival) = fit.rival_s {
             let delay_ms = 1e3 * fit.delay_s.value;
             let text = format!("{delay_ms:.0} and {:.0} ms fit it almost equally well", 1e3 * rival);
@@ -112,9 +113,13 @@ impl Alarms {
             self.raise(Alarm::Outliers, text);
         }
         if let Some(h) = fit.homogeneity.filter(|h| !varies && h.scatters()) {
+            let cause = match over_time {
+                Some(over_time) if super::tested(over_time) => "no step, drift or queue explains it",
+                _ => "whether a step, drift or queue explains it was not tested",
+            };
             let text = format!(
                 "the windows of the delay scatter by more than their uncertainties (chi-squared {:.0}, {} degrees of freedom), \
-                 and no step, drift or queue explains it. U includes that scatter",
+                 and {cause}. U includes that scatter",
                 h.chi2, h.degrees_of_freedom
             );
             self.raise(Alarm::DelayWindowsScatter, text);
@@ -136,9 +141,12 @@ fn of_change(kind: DelayKind) -> Option<Alarm> {
         DelayKind::Queues => Some(Alarm::DelayQueues),
         DelayKind::BuildsUp => Some(Alarm::DelayBuildsUp),
         DelayKind::Wanders => Some(Alarm::DelayWanders),
-        DelayKind::CannotTell | DelayKind::NotTested | DelayKind::OnTime | DelayKind::Constant | DelayKind::Early => {
-            None
-        }
+        DelayKind::CannotTell
+        | DelayKind::NotTested
+        | DelayKind::Scatters
+        | DelayKind::OnTime
+        | DelayKind::Constant
+        | DelayKind::Early => None,
     }
 }
 
@@ -231,9 +239,14 @@ pub(super) mod tests {
             let alarms = of_over_time(&over_time(kind));
             assert_eq!((codes(&alarms), alarms[0].gravity), (vec![code], record::Gravity::Red));
         }
-        for kind in
-            [DelayKind::Constant, DelayKind::Early, DelayKind::OnTime, DelayKind::NotTested, DelayKind::CannotTell]
-        {
+        for kind in [
+            DelayKind::Constant,
+            DelayKind::Early,
+            DelayKind::OnTime,
+            DelayKind::Scatters,
+            DelayKind::NotTested,
+            DelayKind::CannotTell,
+        ] {
             assert_eq!(of_over_time(&over_time(kind)), []);
         }
     }
@@ -315,5 +328,16 @@ pub(super) mod tests {
             codes(&alarms(&doubtful)),
             ["two-delays-fit", "delay-doubtful", "outliers", "delay-windows-scatter"]
         );
+        // Former bug: "no step, drift or queue explains it" where none was tried.
+        let text = |over_time: Option<&DelayOverTime>| {
+            let alarms = of(&crate::answer::unknown("f"), None, Some(&doubtful), over_time);
+            alarms.into_iter().find(|alarm| alarm.code == "delay-windows-scatter").unwrap().text
+        };
+        assert!(text(None).contains("whether a step, drift or queue explains it was not tested"));
+        assert!(text(Some(&over_time(DelayKind::Constant))).contains("no step, drift or queue explains it."));
+        let kind =
+            |over_time| crate::answer::kind_of(&crate::answer::tests::late(0.2, None), over_time, Some(&doubtful));
+        assert_eq!(kind(None), DelayKind::NotTested);
+        assert_eq!(kind(Some(&over_time(DelayKind::Constant))), DelayKind::Scatters);
     }
 }

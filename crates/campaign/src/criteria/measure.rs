@@ -5,8 +5,8 @@ use super::metric::Metric;
 use crate::rate::rate_of;
 use flight::{ChannelHealth, LogHealth, Severity};
 use record::{
-    CompensatorResult, CompensatorScore, DelayKind, DelayPairKind, DelaySource, DelaySweep, Estimate, Finding,
-    FlightRecord, MeasuredDelay, Outcome, PairDelay, ReferenceScore, ReplayRecord, SweepScore,
+    ChannelLateness, CompensatorResult, CompensatorScore, DelayKind, DelayPairKind, DelaySource, DelaySweep, Estimate,
+    Finding, FlightRecord, MeasuredDelay, Outcome, PairDelay, ReferenceScore, ReplayRecord, SweepScore,
 };
 
 /// A record, and the part of it that a criterion selects.
@@ -21,6 +21,7 @@ pub(super) struct Subject<'a> {
 pub(super) fn measure(metric: Metric, of: &Subject<'_>) -> Result<Reading, String> {
     let reading = match metric {
         Metric::Lateness => of.lateness(),
+        Metric::LatenessExpandedUncertainty => of.lateness_estimate().and_then(expanded_uncertainty),
         Metric::DelayVaries => of.delay_varies(),
         Metric::Delay => of.position_delay(),
         Metric::VelocityDelay => of.delay(DelayPairKind::VelocityAgainstAcceleration),
@@ -29,7 +30,7 @@ pub(super) fn measure(metric: Metric, of: &Subject<'_>) -> Result<Reading, Strin
         Metric::DelayDifference => of.difference(),
         Metric::DelayNormalisedDifference => of.normalised_difference(),
         Metric::DelayChange => of.own_delay().and_then(change),
-        Metric::DelayExpandedUncertainty => of.own_delay().and_then(expanded_uncertainty),
+        Metric::DelayExpandedUncertainty => of.own_delay().and_then(|found| expanded_uncertainty(found.delay_s)),
         Metric::SmallestDetectableDelayChange => of.own_delay().map(smallest_detectable),
         Metric::InjectionError => of.own_delay().and_then(worst_injection),
         Metric::MovingShare => of.moving_share(),
@@ -55,14 +56,14 @@ pub(super) fn measure(metric: Metric, of: &Subject<'_>) -> Result<Reading, Strin
         Metric::StepAtBenchValue => of.at_bench_value(false),
         Metric::DelayOfLeastError => of.sweep().and_then(optimum),
         Metric::ValidShare => of.replay().and_then(valid_share),
-        Metric::Duration => of.replayed(|r| r.coverage.duration_s),
-        Metric::SpeedMedian => of.replayed(|r| r.speed_mps.median),
-        Metric::LongestPositionGap => of.replayed(|r| r.coverage.longest_position_gap_s),
-        Metric::PositionResets => of.replayed(|r| r.coverage.position_resets as f64),
-        Metric::BridgedGaps => of.replayed(|r| r.coverage.bridged_gaps as f64),
-        Metric::Restarts => of.replayed(|r| r.coverage.restarts as f64),
-        Metric::PositionRate => of.replay().and_then(|r| of.rate(&r.pair.position)),
-        Metric::VelocityRate => of.replay().and_then(|r| of.rate(&r.pair.velocity)),
+        Metric::Duration => of.flown(|r| r.coverage.duration_s),
+        Metric::SpeedMedian => of.flown(|r| r.speed_mps.median),
+        Metric::LongestPositionGap => of.flown(|r| r.coverage.longest_position_gap_s),
+        Metric::PositionResets => of.flown(|r| r.coverage.position_resets as f64),
+        Metric::BridgedGaps => of.flown(|r| r.coverage.bridged_gaps as f64),
+        Metric::Restarts => of.flown(|r| r.coverage.restarts as f64),
+        Metric::PositionRate => of.rate_of_position(),
+        Metric::VelocityRate => of.rate_of_velocity(),
         Metric::ChannelRate => of.channel().and_then(|c| of.rate(&c.name)),
         Metric::ChannelLongestStep => of.channel().and_then(longest_step),
         Metric::ChannelUsedShare => of.channel().and_then(used_share),
@@ -77,9 +78,24 @@ pub(super) fn measure(metric: Metric, of: &Subject<'_>) -> Result<Reading, Strin
 
 impl Subject<'_> {
     fn lateness(&self) -> Result<Reading, String> {
+        self.lateness_of_position().map(|found| Reading::within(found.lateness_s, found.interval_95_s))
+    }
+
+    fn lateness_estimate(&self) -> Result<Estimate, String> {
+        self.lateness_of_position().map(|found| found.lateness_s)
+    }
+
+    /// The lateness of the position in true time.
+    fn lateness_of_position(&self) -> Result<&ChannelLateness, String> {
         let lateness = self.record.lateness.as_ref().ok_or_else(|| no_replay(self.record))?;
         let found = lateness.lateness.as_ref().ok_or_else(|| lateness.words.clone())?;
-        Ok(Reading::within(found.lateness_s, found.interval_95_s))
+        match &found.relative_to {
+            None => Ok(found),
+            Some(than) => Err(format!(
+                "the flight shows only how much later {} is than {than}, and not how late {than} is",
+                found.channel
+            )),
+        }
     }
 
     fn delay_varies(&self) -> Result<Reading, String> {
@@ -112,8 +128,10 @@ impl<'a> Subject<'a> {
         self.record.log.as_ref().ok_or_else(|| no_replay(self.record))
     }
 
-    fn replayed(&self, of: impl FnOnce(&ReplayRecord) -> f64) -> Result<Reading, String> {
-        self.replay().map(|r| Reading::plain(of(r)))
+    /// A fact of the flight that does not depend on the removed delay.
+    fn flown(&self, of: impl FnOnce(&ReplayRecord) -> f64) -> Result<Reading, String> {
+        let flown = self.record.drawable();
+        flown.map(|r| Reading::plain(of(r))).ok_or_else(|| no_replay(self.record))
     }
 
     fn logged(&self, of: impl FnOnce(&LogHealth) -> f64) -> Result<Reading, String> {
@@ -137,6 +155,18 @@ impl<'a> Subject<'a> {
         let channels = self.record.binding.as_ref().map(|b| b.channels.as_slice()).unwrap_or_default();
         let rate = rate_of(channels, channel).ok_or_else(|| format!("{channel} has too few timestamps for a rate"))?;
         Ok(Reading::plain(rate))
+    }
+
+    fn rate_of_position(&self) -> Result<Reading, String> {
+        let replayed = self.record.replay.as_ref().map(|replay| replay.pair.position.as_str());
+        let measured = self.record.lateness.as_ref().and_then(|lateness| lateness.position.as_deref());
+        self.rate(replayed.or(measured).ok_or_else(|| no_replay(self.record))?)
+    }
+
+    fn rate_of_velocity(&self) -> Result<Reading, String> {
+        let replayed = self.record.replay.as_ref().map(|replay| replay.pair.velocity.as_str());
+        let measured = self.record.lateness.as_ref().and_then(|lateness| lateness.velocity.as_deref());
+        self.rate(replayed.or(measured).ok_or_else(|| no_replay(self.record))?)
     }
 
     fn compensator_called(&self, name: &str) -> Result<&'a CompensatorResult, String> {
@@ -304,28 +334,31 @@ impl<'a> Subject<'a> {
         Ok(Reading::plain(excitation.moving_share))
     }
 
-    /// Delay of the replayed pair from the flight, and from the bench.
-    fn found_and_bench(&self) -> Result<(Estimate, Estimate), String> {
-        let (replay, pair) = (self.replay()?, self.pair(DelayPairKind::PositionAgainstVelocity)?);
-        if !is_of_replay(pair, replay) {
-            return Err("the delay of the replayed pair was not measured".to_owned());
+    /// The lateness of the replayed position from the flight, and the stated delay.
+    fn found_and_stated(&self) -> Result<(Estimate, Estimate), String> {
+        let (replay, found) = (self.replay()?, self.lateness_of_position()?);
+        if found.channel != replay.pair.position {
+            return Err(format!(
+                "the lateness is that of {}, and {} was replayed",
+                found.channel, replay.pair.position
+            ));
         }
-        Ok((known(&pair.delay)?.delay_s, bench_delay(replay)?))
+        Ok((found.lateness_s, stated_delay(replay)?))
     }
 
     fn difference(&self) -> Result<Reading, String> {
-        let (found, bench) = self.found_and_bench()?;
-        let both = found.standard_uncertainty.zip(bench.standard_uncertainty);
+        let (found, stated) = self.found_and_stated()?;
+        let both = found.standard_uncertainty.zip(stated.standard_uncertainty);
         let standard_uncertainty = both.map(|(u, v)| u.hypot(v));
-        Ok(Reading::uncertain(Estimate { value: found.value - bench.value, standard_uncertainty }))
+        Ok(Reading::uncertain(Estimate { value: found.value - stated.value, standard_uncertainty }))
     }
 
     fn normalised_difference(&self) -> Result<Reading, String> {
-        let (found, bench) = self.found_and_bench()?;
-        let unknown = |what| format!("the uncertainty of the delay {what} is unknown, so E_n is not defined");
-        let u = found.standard_uncertainty.ok_or_else(|| unknown("of the flight"))?;
-        let v = bench.standard_uncertainty.ok_or_else(|| unknown("of the bench"))?;
-        Ok(Reading::plain((found.value - bench.value).abs() / (2.0 * u.hypot(v))))
+        let (found, stated) = self.found_and_stated()?;
+        let unknown = |what| format!("the uncertainty of the {what} is unknown, so E_n is not defined");
+        let u = found.standard_uncertainty.ok_or_else(|| unknown("lateness"))?;
+        let v = stated.standard_uncertainty.ok_or_else(|| unknown("stated delay"))?;
+        Ok(Reading::plain((found.value - stated.value).abs() / (2.0 * u.hypot(v))))
     }
 }
 
@@ -355,14 +388,14 @@ fn known<T>(finding: &Finding<T>) -> Result<&T, String> {
 }
 
 /// The delay from outside this flight: the card's, else the pipeline's.
-fn bench_delay(replay: &ReplayRecord) -> Result<Estimate, String> {
+fn stated_delay(replay: &ReplayRecord) -> Result<Estimate, String> {
     let Some(choice) = &replay.choice else {
         let settings = &replay.settings;
         return Ok(Estimate { value: settings.delay.seconds(), standard_uncertainty: settings.delay_uncertainty_s });
     };
     let of = |source| choice.candidates.iter().find(|c| c.source == source).and_then(|c| c.delay_s.found().copied());
-    let bench = of(DelaySource::Card).or_else(|| of(DelaySource::Fixed));
-    bench.ok_or_else(|| "neither a sensor card nor the pipeline states a delay".to_owned())
+    let stated = of(DelaySource::Card).or_else(|| of(DelaySource::Fixed));
+    stated.ok_or_else(|| "neither a sensor card nor the pipeline states a delay".to_owned())
 }
 
 fn lead_error(score: &CompensatorScore) -> Result<Reading, String> {
@@ -388,8 +421,8 @@ fn smallest_detectable(found: &MeasuredDelay) -> Reading {
     Reading::plain(found.smallest_detectable_s)
 }
 
-fn expanded_uncertainty(found: &MeasuredDelay) -> Result<Reading, String> {
-    let u = found.delay_s.standard_uncertainty.ok_or("the record gives no uncertainty of the delay")?;
+fn expanded_uncertainty(delay_s: Estimate) -> Result<Reading, String> {
+    let u = delay_s.standard_uncertainty.ok_or("the record gives no uncertainty of the delay")?;
     Ok(Reading::plain(2.0 * u))
 }
 

@@ -79,8 +79,10 @@ metrics! {
         "How late position is against velocity, from this one pair of the flight; positive is late. All pairs together: \
          lateness.";
     Lateness "lateness" "T(position)": Time UNSURE Nothing Signed
-        "How late position is, from all pairs of the flight together: against the IMU, or relative to the velocity where \
-         the log has no datum; positive is late.";
+        "How late position is, from all pairs of the flight together; positive is late. Not evaluated where the flight \
+         shows only how much later it is than the velocity: delay.";
+    LatenessExpandedUncertainty "lateness-expanded-uncertainty" "U of T(position)": Time PLAIN Nothing Positive
+        "Expanded uncertainty (k = 2) of the lateness.";
     DelayVaries "delay-varies" "delay varies": Count PLAIN Nothing Positive
         "1 if a change of the delay was detected during the flight, 0 if it stays the same; not evaluated if the flight \
          does not show it.";
@@ -90,17 +92,18 @@ metrics! {
         "How late position is against the reference position, measured from the flight itself.";
     VelocityDelayAgainstReference "velocity-delay-against-reference" "Td(velocity against reference)": Time UNSURE Pair Signed
         "How late velocity is against the reference position, measured from the flight itself.";
-    DelayDifference "delay-difference" "Td(flight) − Td(bench)": Time UNSURE Nothing Signed
-        "Delay measured from the flight minus the delay that was removed: from the sensor card or, without a card, from \
+    DelayDifference "delay-difference" "T(flight) − stated delay": Time UNSURE Nothing Signed
+        "Lateness measured from the flight minus the stated delay: that of the sensor card or, without a card, that of \
          the pipeline. Both need an uncertainty.";
-    DelayNormalisedDifference "delay-normalised-difference" "|E_n| of flight and bench delay": Ratio PLAIN Nothing Positive
+    DelayNormalisedDifference "delay-normalised-difference" "|E_n| of flight and stated delay": Ratio PLAIN Nothing Positive
         "|E_n|: magnitude of that difference over √(U₁² + U₂²), the U of the two, k = 2 (ISO 13528). At most 1 means that \
          both agree. Both need an uncertainty.";
     DelayChange "delay-change" "Change of Td over the flight": Time UNSURE Pair Positive
         "Magnitude of the step of the delay where the flight is split in two so that the delays before and after differ \
          most. The interval is widened for the number of splits that were tried.";
     DelayExpandedUncertainty "delay-expanded-uncertainty" "U of Td(position), one pair": Time PLAIN Pair Positive
-        "Expanded uncertainty (k = 2) of the delay between position and velocity. The lateness is less certain.";
+        "Expanded uncertainty (k = 2) of the delay between position and velocity, from this one pair. That of all pairs \
+         together: lateness-expanded-uncertainty.";
     SmallestDetectableDelayChange "smallest-detectable-delay-change" "Smallest detectable Td": Time PLAIN Pair Positive
         "Delay that a test at 5 % would detect in this flight with a probability of 80 %.";
     InjectionError "injection-error" "Error of recovering an injected delay": Time UNSURE Pair Signed
@@ -159,7 +162,7 @@ metrics! {
     ValidShare "valid-share" "Time with a valid compensated position": Share PLAIN Nothing Share
         "Share of the time covered that has a valid compensated position.";
     Duration "duration" "Time covered": Time PLAIN Nothing Positive
-        "From the first to the last output row.";
+        "From the first to the last row that has position and velocity.";
     SpeedMedian "speed-median" "Ground speed, median": Speed PLAIN Nothing Positive
         "Median ground speed.";
     LongestPositionGap "longest-position-gap" "Longest time without a position fix": Time PLAIN Nothing Positive

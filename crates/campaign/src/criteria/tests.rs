@@ -183,7 +183,7 @@ fn score(name: &str) -> Value {
 fn replay() -> Value {
     let at = |source: &str, value: f64| json!({ "source": source, "delay_s": estimate(0.38, 0.002), "rms_m": estimate(value, 0.03) });
     let candidate =
-        |source: &str, value: f64| json!({ "source": source, "delay_s": found(estimate(value, 0.0075)), "words": "" });
+        |source: &str, value: f64| json!({ "source": source, "delay_s": found(estimate(value, 0.006)), "words": "" });
     json!({
         "settings": { "delay": 0.39, "delay_uncertainty_s": 0.001, "delay_source": "s", "start": "warm", "bridge_s": 0.8 },
         "pair": { "position": "position.gps", "velocity": "velocity.ekf", "reference": "position.truth" },
@@ -293,16 +293,17 @@ const fn plain(value: f64) -> Expected {
 const STEP: f64 = 2.241_402_727_604_947 * 0.005;
 
 /// Values calculated by hand from the record above, by metric.
-const EXPECTED: [(&str, Expected); 50] = [
+const EXPECTED: [(&str, Expected); 51] = [
     ("delay", (0.4, Some([0.379, 0.421]))),
     ("lateness", (0.41, Some([0.394, 0.426]))),
+    ("lateness-expanded-uncertainty", plain(0.016)),
     ("delay-varies", plain(0.0)),
     ("velocity-delay", (0.01, Some([-0.011, 0.031]))),
     ("delay-against-reference", (0.42, Some([0.399, 0.441]))),
     ("velocity-delay-against-reference", (0.02, Some([-0.001, 0.041]))),
-    // The card says 0.38 ± 0.0075: √(0.01² + 0.0075²) = 0.0125, 0.02/0.025 = 0.8.
-    ("delay-difference", around(0.02, 0.0125)),
-    ("delay-normalised-difference", plain(0.8)),
+    // The lateness is 0.41 ± 0.008 and the card's delay 0.38 ± 0.006 (k = 1): √(0.008² + 0.006²) = 0.01, 0.03/0.02 = 1.5.
+    ("delay-difference", around(0.03, 0.01)),
+    ("delay-normalised-difference", plain(1.5)),
     ("delay-change", (0.05, Some([0.05 - STEP, 0.05 + STEP]))),
     ("delay-expanded-uncertainty", plain(0.02)),
     ("smallest-detectable-delay-change", plain(0.028)),
@@ -435,6 +436,22 @@ fn a_criterion_can_name_another_pair() {
 }
 
 #[test]
+fn facts_of_a_flight_are_known_if_nothing_was_removed() {
+    let mut json = record_json();
+    json["outcome"] = json!("uncompensated");
+    json["reason"] = json!("the position is early");
+    json["trial"] = json["replay"].take();
+    let record: FlightRecord = serde_json::from_value(json).unwrap();
+    let of = |metric: &str| judged(&one(metric, &any_limit(metric)), &record);
+    for (metric, value) in
+        [("duration", 200.0), ("speed-median", 17.0), ("position-resets", 2.0), ("position-rate", 5.0)]
+    {
+        assert_eq!(of(metric).value.unwrap().value, value, "{metric}");
+    }
+    assert!(of("error-rms").reason.contains("nothing was removed"));
+}
+
+#[test]
 fn without_a_number_nothing_is_evaluated_and_the_reason_is_reported() {
     let verdict = |change: &dyn Fn(&mut Value), metric: &str| {
         let mut json = record_json();
@@ -448,6 +465,10 @@ fn without_a_number_nothing_is_evaluated_and_the_reason_is_reported() {
     assert_eq!(verdict(&straight, "delay"), "straight flight");
     let circular = |json: &mut Value| json["replay"]["choice"]["circular"] = json!(true);
     assert!(verdict(&circular, "residual-delay").contains("zero by construction"));
+    let relative = |json: &mut Value| json["lateness"]["lateness"]["relative_to"] = json!("velocity.gps");
+    for metric in ["lateness", "lateness-expanded-uncertainty", "delay-difference", "delay-normalised-difference"] {
+        assert!(verdict(&relative, metric).ends_with("not how late velocity.gps is"), "{metric}");
+    }
     let no_reference = |json: &mut Value| {
         json["replay"]["pair"]["reference"] = Value::Null;
         json["replay"]["compensators"][1]["error_rms_m"] = Value::Null;

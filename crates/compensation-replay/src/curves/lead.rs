@@ -91,8 +91,7 @@ fn of(name: &str, rows: &Rows, points: &Points, least_speed_mps: f64, gap_s: f64
     let all = points.rows().zip(points.m.iter().copied());
     let in_ms: Points = all.filter(is_time).map(|(row, m)| (row, 1e3 * m / speed(rows, row))).collect();
     Lead {
-        median_m: percentile(points.m.iter().copied(), 0.5).unwrap_or_default(),
-        median_ms: percentile(in_ms.m.iter().copied(), 0.5),
+        median_m: signal::percentile(&points.m, 0.5).unwrap_or_default(),
         over_time_m: curve(name, rows, points, gap_s),
         over_time_ms: curve(name, rows, &in_ms, gap_s),
     }
@@ -103,14 +102,9 @@ fn speed(rows: &Rows, row: usize) -> f64 {
 }
 
 fn least_speed(rows: &Rows) -> f64 {
-    let fast = percentile((0..rows.t.len()).map(|row| speed(rows, row)), 0.95).unwrap_or_default();
+    let speeds: Vec<f64> = (0..rows.t.len()).map(|row| speed(rows, row)).collect();
+    let fast = signal::percentile(&speeds, 0.95).unwrap_or_default();
     LEAST_SPEED_MPS.max(LEAST_SHARE * fast)
-}
-
-fn percentile(values: impl Iterator<Item = f64>, share: f64) -> Option<f64> {
-    let mut sorted: Vec<f64> = values.collect();
-    sorted.sort_unstable_by(f64::total_cmp);
-    signal::percentile_of_sorted(&sorted, share)
 }
 
 /// A longer step between fixes is a gap, s; `None` with fewer than three fixes.
@@ -231,7 +225,7 @@ mod tests {
         assert_eq!(names[1..], ["reference"]);
         for (of, want_ms) in lead.of.iter().zip([400.0, 300.0]) {
             // A chord of a turn is shorter than its arc.
-            let median_ms = of.median_ms.unwrap();
+            let median_ms = signal::percentile(&of.over_time_ms.y, 0.5).unwrap();
             assert!((median_ms - want_ms).abs() < 8.0, "{median_ms} ms, not {want_ms}");
         }
     }

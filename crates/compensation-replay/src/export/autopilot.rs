@@ -10,8 +10,6 @@ pub enum MeasuredAgainst {
     Inertial,
     /// A velocity with unknown lateness: only the difference is known.
     UnknownVelocity,
-    /// A velocity with this lateness, s.
-    Velocity(Delay),
 }
 
 /// Whether a parameter can hold the value.
@@ -76,15 +74,11 @@ const EKF2_DELAY_MAX_DEFAULT_MS: i64 = 200;
 /// velocity's own delay.
 #[must_use]
 pub fn autopilot_advice(delay: Delay, uncertainty_s: Option<f64>, against: MeasuredAgainst) -> AutopilotAdvice {
-    let total = match against {
-        MeasuredAgainst::Velocity(own) => delay.seconds() + own.seconds(),
-        MeasuredAgainst::Inertial | MeasuredAgainst::UnknownVelocity => delay.seconds(),
-    };
     let uncertainty_s = uncertainty_s.filter(|u| u.is_finite() && *u >= 0.0);
     let parameters: Vec<AutopilotParameter> =
-        KNOWN.iter().map(|&known| parameter(known, total * 1e3, uncertainty_s.map(|u| u * 1e3))).collect();
-    let warnings = warnings(total * 1e3, against, &parameters);
-    AutopilotAdvice { delay: Delay::from_seconds(total).unwrap_or(delay), parameters, warnings }
+        KNOWN.iter().map(|&known| parameter(known, delay.millis(), uncertainty_s.map(|u| u * 1e3))).collect();
+    let warnings = warnings(delay.millis(), against, &parameters);
+    AutopilotAdvice { delay, parameters, warnings }
 }
 
 fn parameter(
@@ -118,11 +112,6 @@ fn warnings(ms: f64, against: MeasuredAgainst, parameters: &[AutopilotParameter]
              sensors first."
                 .to_owned(),
         ),
-        MeasuredAgainst::Velocity(own) => out.push(format!(
-            "The velocity's own delay of {:.1} ms is added. The parameters shift position and velocity together: after \
-             setting them the velocity is advanced too far by the difference of the two delays.",
-            own.millis()
-        )),
     }
     if parameters.iter().any(|p| p.fit == ParameterFit::OutOfRange) {
         let names: Vec<String> = parameters
@@ -217,13 +206,10 @@ mod tests {
     }
 
     #[test]
-    fn a_relative_delay_needs_the_velocity_delay() {
+    fn a_delay_against_a_velocity_of_unknown_lateness_is_said_to_be_relative() {
         let delay = Delay::from_seconds(0.1).unwrap();
-        let known = MeasuredAgainst::Velocity(Delay::from_seconds(0.05).unwrap());
-        let advice = autopilot_advice(delay, None, known);
-        assert_eq!((named(&advice, "EKF2_GPS_DELAY").value_ms, advice.delay.millis().round()), (150, 150.0));
-        assert_eq!(advice.parameters[0].interval_ms, None);
         let unknown = autopilot_advice(delay, None, MeasuredAgainst::UnknownVelocity);
         assert!(unknown.text().contains("relative to its velocity"));
+        assert_eq!(unknown.parameters[0].interval_ms, None);
     }
 }

@@ -100,7 +100,7 @@ fn median_of_few(values: &[f64]) -> Option<f64> {
 /// The 99th percentile of `values`.
 fn tail_of(values: &[f64]) -> f64 {
     let sizes: Vec<f64> = values.iter().map(|v| v.abs()).collect();
-    percentile(&sizes, 0.99)
+    signal::percentile(&sizes, 0.99).unwrap_or_default()
 }
 
 /// Robust standard deviation of the samples around a row.
@@ -109,15 +109,6 @@ fn local_scatter(values: &[f64]) -> impl Fn(usize) -> f64 {
     let around = |s: usize| s.saturating_sub(1) * STRETCH..((s + 2) * STRETCH).min(values.len());
     let scatter: Vec<f64> = (0..stretches).map(|s| signal::robust_sigma(&values[around(s)]).unwrap_or(0.0)).collect();
     move |k| scatter[k / STRETCH]
-}
-
-pub(crate) fn percentile(values: &[f64], share: f64) -> f64 {
-    let mut values = values.to_vec();
-    let Some(last) = values.len().checked_sub(1) else { return 0.0 };
-    let position = share.clamp(0.0, 1.0) * last as f64;
-    let (_, below, above) = values.select_nth_unstable_by(position as usize, f64::total_cmp);
-    let next = above.iter().copied().min_by(f64::total_cmp).unwrap_or(*below);
-    *below + position.fract() * (next - *below)
 }
 
 #[cfg(test)]

@@ -10,6 +10,8 @@ use signal::{Reading, mean_of};
 const NOT_RECOVERED: f64 = 3.3;
 /// Two frequency bands that differ by more than this many standard uncertainties disagree.
 const BANDS_APART: f64 = 3.3;
+/// A smaller difference between slow and fast motion is no filter, s.
+const FILTER_S: f64 = 0.01;
 /// White noise of a position and a velocity above that of any working receiver, m and m/s.
 const WILD_NOISE: [f64; 2] = [5.0, 1.5];
 
@@ -93,13 +95,19 @@ fn by_frequency(found: &mut MeasuredDelay, view: &View) -> f64 {
     if apart_s.abs() <= BANDS_APART * u {
         return 0.0;
     }
+    let digits = usize::from(1.96e3 * u < 9.95);
+    let ms = |s: f64| flight::fixed(1e3 * s, digits);
+    let cause = match apart_s.abs() > FILTER_S {
+        true => "One of the two channels acts as a filter, not as a pure delay",
+        false => "U includes the difference",
+    };
     found.alarms.push(format!(
-        "the delay depends on frequency: {} ms in slow motion, {} ms in fast (different by {:.0} ± {:.0} ms; the \
-         border is about {:.2} Hz). One of the two channels acts as a filter, not as a pure delay",
-        flight::fixed(1e3 * bands.slow_s, 0),
-        flight::fixed(1e3 * bands.fast_s, 0),
-        1e3 * apart_s.abs(),
-        1.96e3 * u,
+        "the delay depends on frequency: {} ms in slow motion, {} ms in fast (different by {} ± {} ms; the border is about \
+         {:.2} Hz). {cause}",
+        ms(bands.slow_s),
+        ms(bands.fast_s),
+        ms(apart_s.abs()),
+        ms(1.96 * u),
         bands.border_hz
     ));
     apart_s.abs() / 12_f64.sqrt()

@@ -1,7 +1,6 @@
 //! Whether a flight can show a delay at all (design note 4).
 
 use super::FlightDelaySettings;
-use super::disturbance::percentile;
 use super::pieces::{LEAST_ROWS, Names, Piece, Stretch};
 use crate::horizontal::{AXES, Horizontal};
 use record::DelayExcitation;
@@ -70,7 +69,7 @@ pub(crate) fn motion(
         power += unsteady.iter().flatten().map(|v| v * v).sum::<f64>();
         sizes.extend(unsteady[0].iter().zip(&unsteady[1]).map(|(n, e)| n.hypot(*e)));
     }
-    Motion { unsteady: percentile(&sizes, 0.95), power, acceleration }
+    Motion { unsteady: signal::percentile(&sizes, 0.95).unwrap_or_default(), power, acceleration }
 }
 
 /// `y` less its best-fit straight line over `t`.
@@ -108,7 +107,7 @@ pub(crate) fn excitation(
         // An empty sum is -0.
         duration_s: 0.0 + pieces.iter().map(|piece| piece.duration_s(first)).sum::<f64>(),
         pieces: pieces.len() as u64,
-        speed_p95_mps: percentile(speed, 0.95),
+        speed_p95_mps: signal::percentile(speed, 0.95).unwrap_or_default(),
         moving_share: if all > 0.0 { moving / all } else { 0.0 },
         unexplained_share: None,
         predicted_s: None,
@@ -148,7 +147,7 @@ pub(crate) fn refuse_motion(offer: &DelayExcitation, motion: &Motion, noise: f64
     if motion.unsteady >= needed {
         return None;
     }
-    let (fastest, unsteady) = (percentile(speed, 0.95), motion.unsteady);
+    let (fastest, unsteady) = (signal::percentile(speed, 0.95).unwrap_or_default(), motion.unsteady);
     let unit = if motion.acceleration { "m/s²" } else { "m/s" };
     Some(if fastest < SLOW_MPS {
         format!(

@@ -314,9 +314,13 @@ fn coarse_delay(
     names: &Names,
 ) -> Result<Coarse, String> {
     let none = || {
+        let span_s = first.t.last().zip(first.t.first()).map_or(0.0, |(last, start)| last - start);
         format!(
-            "{} and {} do not overlap for long enough at any delay searched: log both through the flight",
-            names.first, names.second
+            "{} ({} fixes over {span_s:.1} s) and {} have too little in common at any delay searched: both are needed \
+             over the whole flight",
+            names.first,
+            first.t.len(),
+            names.second
         )
     };
     let found = coarse::coarse_delay(first, stretches, settings.search_s).ok_or_else(none)?;

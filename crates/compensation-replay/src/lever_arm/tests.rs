@@ -56,15 +56,6 @@ fn in_turns_at_constant_speed_the_shift_is_the_arm_over_the_speed() {
 }
 
 #[test]
-fn speeds_alone_give_the_ratio_of_their_sums() {
-    let found = lever_sensitivity_of_speeds(&[10.0, 20.0, 0.0, f64::NAN], &[]).unwrap();
-    assert_eq!((found.shift_s_per_m, found.samples), (-30.0 / 500.0, 2));
-    let weighted = lever_sensitivity_of_speeds(&[10.0, 20.0], &[3.0, 1.0]).unwrap();
-    assert_eq!(weighted.shift_s_per_m, -50.0 / 700.0);
-    assert_eq!(lever_sensitivity_of_speeds(&[0.0, 0.1], &[]), None);
-}
-
-#[test]
 fn a_straight_and_steady_path_gives_no_sensitivity() {
     let straight = path(60.0, 0.1, |_| 0.3, |_| 15.0);
     assert_eq!(lever_sensitivity(&motion(&straight)), None);

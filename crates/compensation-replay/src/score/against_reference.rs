@@ -1,7 +1,7 @@
 //! Scores against an independent reference.
 
 use super::Reference;
-use super::jackknife::{Blocks, jackknife, percentiles, rms, root_mean};
+use super::jackknife::{Blocks, jackknife, rms, root_mean};
 use super::truthless::found;
 use super::updates::{both_at, dot, length, to_the_right};
 use crate::estimate::Positions;
@@ -80,7 +80,7 @@ impl<'a> Judge<'a> {
     ) -> Option<ReferenceScore> {
         let mut sizes: Vec<f64> = errors.iter().map(|e| length(*e)).collect();
         let by_speed = self.by_speed(&sizes, velocities);
-        let quantiles = percentiles(&mut sizes, &[0.5, 0.68, 0.95, 0.99, 1.0]);
+        let quantiles = signal::percentiles(&mut sizes, &[0.5, 0.68, 0.95, 0.99, 1.0]);
         let sums = errors.iter().zip(velocities).map(|(e, v)| {
             // At standstill there is no direction along the track.
             let speed = length(*v);
@@ -202,7 +202,7 @@ fn speeds(reference: &Reference, rows: &Rows) -> Vec<[f64; 2]> {
     if all.len() < 60 {
         return vec![];
     }
-    let at = percentiles(&mut all, &[0.0, 0.05, 1.0 / 3.0, 2.0 / 3.0, 0.95, 1.0]);
+    let at = signal::percentiles(&mut all, &[0.0, 0.05, 1.0 / 3.0, 2.0 / 3.0, 0.95, 1.0]);
     if at[4] < LEAST_RANGE * at[1].max(0.5) {
         return vec![];
     }

@@ -48,45 +48,9 @@ pub(crate) fn root_mean([xx, n]: [f64; 2]) -> f64 {
     (xx.max(0.0) / n).sqrt()
 }
 
-/// Quantiles of values as in [`signal::percentile_of_sorted`], without sorting all; `shares` rise. Empty without
-/// values.
-pub(crate) fn percentiles(values: &mut [f64], shares: &[f64]) -> Vec<f64> {
-    let Some(last) = values.len().checked_sub(1) else { return vec![] };
-    let mut end = values.len();
-    let mut out: Vec<f64> = shares
-        .iter()
-        .rev()
-        .map(|share| {
-            let position = share.clamp(0.0, 1.0) * last as f64;
-            let below = position.floor() as usize;
-            // Larger values were already partitioned off by the previous quantile.
-            let above = values[end..].iter().copied().fold(f64::INFINITY, f64::min);
-            let (_, low, high) = values[..end].select_nth_unstable_by(below, f64::total_cmp);
-            let next = high.iter().copied().fold(above, f64::min);
-            let value = if below < last { *low + (position - below as f64) * (next - *low) } else { *low };
-            end = below + 1;
-            value
-        })
-        .collect();
-    out.reverse();
-    out
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn quantiles_match_those_of_sorted_values() {
-        let mut values: Vec<f64> = (0..1000).map(|k| f64::from((k * 7919) % 1009)).collect();
-        let shares = [0.0, 0.5, 0.5, 0.68, 0.95, 0.9501, 0.99, 1.0];
-        let found = percentiles(&mut values.clone(), &shares);
-        values.sort_unstable_by(f64::total_cmp);
-        let expected: Vec<f64> = shares.iter().map(|s| signal::percentile_of_sorted(&values, *s).unwrap()).collect();
-        assert_eq!(found, expected);
-        assert_eq!(percentiles(&mut [7.0], &[0.0, 1.0]), [7.0, 7.0]);
-        assert!(percentiles(&mut [], &[0.5]).is_empty());
-    }
 
     /// An error that changes once in the flight counts as two errors, however many rows it has.
     #[test]

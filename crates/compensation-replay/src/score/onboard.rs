@@ -1,7 +1,7 @@
 //! The compensated position computed by the aircraft in flight, compared with the replay.
 
 use super::Played;
-use super::jackknife::{jackknife, percentiles};
+use super::jackknife::jackknife;
 use super::truthless::found;
 use super::updates::{dot, length};
 use crate::estimate::Positions;
@@ -146,7 +146,7 @@ fn against(track: &Positions, onboard: &Horizontal, pairs: &[Pair], played: &Pla
         return None;
     }
     let rms_m = (sizes.iter().map(|d| d * d).sum::<f64>() / sizes.len() as f64).sqrt();
-    let quantiles = percentiles(&mut sizes, &[0.95, 1.0]);
+    let quantiles = signal::percentiles(&mut sizes, &[0.95, 1.0]);
     let every = after.len().div_ceil(3_000).max(1);
     let delay: Vec<[f64; 2]> = after
         .iter()

@@ -78,7 +78,8 @@ pub(crate) fn without_own_delay(flight: &FlightSources, evidence: &Evidence, sou
 pub(crate) fn pair(pair: &RelativeLateness) -> String {
     let velocity = &pair.velocity;
     format!(
-        "Aligns the position with {velocity}, the lateness of which is unknown. The residual is zero by construction."
+        "Aligns the position with {velocity}: what {velocity} itself is late remains. The residual against {velocity} does \
+         not test it."
     )
 }
 

@@ -175,7 +175,10 @@ impl Table<'_> {
 
     /// Row 10 if the sweep was requested.
     fn sweep(&self) -> Choice {
-        Choice::nothing(10, "There is no sweep against a reference in this flight. Nothing is removed.")
+        Choice::nothing(
+            10,
+            "The pipeline asks for the best delay of the sweep, which the replay finds. Without a sweep nothing is removed.",
+        )
     }
 
     /// Card with an uncertainty.

@@ -31,11 +31,6 @@ impl Mean {
         self.quantile() * self.se
     }
 
-    /// Half width of the 95 % interval of the next member; `None` for one.
-    pub(crate) fn prediction_half(&self) -> Option<f64> {
-        self.tau.map(|tau| self.quantile() * tau.hypot(self.se))
-    }
-
     fn quantile(&self) -> f64 {
         match self.count {
             0 | 1 => crate::isolate::K95,

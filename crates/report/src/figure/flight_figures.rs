@@ -350,14 +350,10 @@ fn measured_band(late: &Late, time: &Axis) -> Option<Line> {
 }
 
 fn lead_title(lead: &LeadCurves) -> Option<String> {
-    let words = |lead: &Lead| {
-        let metres = number::significant(lead.median_m, 3);
-        let millis = lead.median_ms.map(|ms| format!(" ({}\u{a0}ms)", number::significant(ms, 3)));
-        format!("{metres}\u{a0}m{}", millis.unwrap_or_default())
-    };
-    let moved = format!("Compensation moves the position ahead by {}", words(lead.of.first()?));
-    let reference = lead.of.get(1).map(|reference| format!("; the reference is {} ahead", words(reference)));
-    Some(moved + &reference.unwrap_or_default())
+    let metres = |lead: &Lead| format!("{}\u{a0}m", number::significant(lead.median_m, 3));
+    let moved = format!("Compensation moves the position ahead by {}", metres(lead.of.first()?));
+    let reference = lead.of.get(1).map(|reference| format!("; the reference is {} ahead", metres(reference)));
+    Some(moved + &reference.unwrap_or_default() + " (medians)")
 }
 
 fn span(zoom: &Zoom, panel: &Panel, name: &str) -> Option<Span> {

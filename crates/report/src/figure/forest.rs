@@ -316,7 +316,7 @@ fn trend_rest(record: &CampaignRecord, drawn: usize, older: usize, groups: usize
     }
     if rest > 0 {
         words += &format!(
-            " Not shown: {} without this delay, without a date, or in groups of fewer than three.",
+            " Not shown: {} without one delay, without a date, or in groups of fewer than three.",
             number::counted(rest as u64, "flight", "flights")
         );
     }

@@ -3,7 +3,7 @@
 use super::Head::{Number, Text};
 use super::{
     Needs, anomalies, contents, criteria, document, estimate, explorer, figure, flight_delay, health, lateness,
-    maybe_estimate, method, provenance, reason, rows, score, sweep, table, test_card,
+    maybe_estimate, method, provenance, rows, score, sweep, table, test_card,
 };
 use crate::figure::{Figure, THUMBNAIL, flight_figures, thumbnail, timeline};
 use crate::number;
@@ -177,7 +177,7 @@ fn first_words(record: &FlightRecord) -> Markup {
     html! {
         @if is_said {}
         @else if let (Some(reason), None | Some(Outcome::Failed { .. } | Outcome::NotMeasurable { .. } | Outcome::Pending { .. })) =
-            (reason(&record.outcome), record.decision.as_ref().map(|_| &record.outcome))
+            (record.outcome.reason(), record.decision.as_ref().map(|_| &record.outcome))
         {
             p class=(class) { (shown_block(reason)) }
         }

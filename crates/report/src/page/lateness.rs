@@ -161,9 +161,10 @@ fn tested(record: &FlightRecord) -> Option<Tested<'_>> {
 
 fn todo(record: &FlightRecord, lateness: &FlightLateness) -> Markup {
     let advice = &lateness.advice;
-    let tested = tested(record);
+    let tested = tested(record).filter(|_| !lateness.kind.varies());
     html! {
-        @if let Some(tested) = tested.as_ref().filter(|_| advice.set.is_empty()) {
+        @if lateness.kind.varies() && advice.set.is_empty() { "Do not set one delay: it changes during the flight." }
+        @else if let Some(tested) = tested.as_ref().filter(|_| advice.set.is_empty()) {
             @if tested.agrees() { "Nothing to set: the delay that was removed agrees with " code { (shown(tested.reference)) } "." }
             @else { "Remove " b { (estimate(&in_millis(&tested.best_s))) "\u{a0}ms" } " instead: the error against " code { (shown(tested.reference)) } " is least there." }
         } @else if advice.set.is_empty() && advice.fly.is_none() {
@@ -257,7 +258,11 @@ fn kind_words(lateness: &FlightLateness) -> String {
     let words = match lateness.kind {
         DelayKind::OnTime if is_relative => "nearly at the same time",
         DelayKind::Early if is_relative => "earlier",
+        DelayKind::NotTested if lateness.position.as_deref().is_some_and(record::is_filter_output) => {
+            "not tested for changes, because it is the output of a filter"
+        }
         DelayKind::NotTested => "not tested for changes",
+        DelayKind::Scatters => "differs between windows by more than their uncertainties, for an unknown reason",
         kind => kind.word(),
     };
     lateness.also.iter().fold(capitalised(words), |words, also| format!("{words}, {}", also.replace('-', " ")))

@@ -87,7 +87,6 @@ fn lead() -> LeadCurves {
     LeadCurves {
         of: vec![Lead {
             median_m: 7.01,
-            median_ms: Some(400.3),
             over_time_m: sampled(EXACT, (0.0, DURATION), 1.0, |t| ahead(t).0),
             over_time_ms: sampled(EXACT, (0.0, DURATION), 1.0, |t| 1e3 * ahead(t).0 / ahead(t).1),
         }],

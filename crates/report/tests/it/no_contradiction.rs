@@ -106,6 +106,33 @@ fn record() -> FlightRecord {
     FlightRecord { lateness: Some(lateness()), decision: Some(decision()), ..flight_record() }
 }
 
+/// Former bug: "Nothing to set" below the alarm that the delay jumps, because the mean delay had been removed.
+#[test]
+fn no_setting_is_accepted_for_a_delay_that_changes() {
+    let advice = DelayAdvice { set: vec![], fly: None };
+    let of = |kind| {
+        let lateness = FlightLateness { kind, advice: advice.clone(), ..lateness() };
+        top(&FlightRecord { lateness: Some(lateness), ..record() })
+    };
+    let steps = of(DelayKind::Steps);
+    assert!(steps.contains("Do not set one delay") && !steps.contains("Nothing to set"), "{steps}");
+    assert!(!of(DelayKind::Constant).contains("Do not set one delay"));
+}
+
+/// Former bug: "Not tested for changes" above the limit of the test.
+#[test]
+fn a_flight_that_was_tested_for_changes_is_not_called_untested() {
+    let of = |kind, position: &str| {
+        let lateness = FlightLateness { kind, position: Some(position.into()), ..lateness() };
+        top(&FlightRecord { lateness: Some(lateness), ..record() })
+    };
+    assert!(
+        of(DelayKind::Scatters, "position.gps").contains("Differs between windows by more than their uncertainties")
+    );
+    assert!(of(DelayKind::NotTested, "position.gps").contains("Not tested for changes."));
+    assert!(of(DelayKind::NotTested, "position.ins").contains("because it is the output of a filter"));
+}
+
 #[test]
 fn alarms_are_above_the_first_table_worst_first_and_counted() {
     let text = top(&record());

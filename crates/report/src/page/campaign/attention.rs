@@ -1,6 +1,6 @@
 //! What needs attention: one line for each reason, not for each flight.
 
-use super::super::{badge, reason};
+use super::super::badge;
 use super::flights::{is_on_the_page, link};
 use super::is_harmed;
 use crate::number;
@@ -135,7 +135,7 @@ fn reasons(row: &FlightRow) -> Vec<(Key, Reason<'_>)> {
         out.push(((rank, key.to_owned()), Reason { slug: String::new(), class, icon, word, text, flights: vec![] }));
     };
     let mut said: Vec<&str> = vec![];
-    if let Some((text, (rank, badge))) = reason(&row.outcome).zip(of_outcome(&row.outcome)) {
+    if let Some((text, (rank, badge))) = row.outcome.reason().zip(of_outcome(&row.outcome)) {
         add(rank, &without_numbers(text), badge, text);
         said.push(text);
     }

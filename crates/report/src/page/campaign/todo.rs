@@ -234,7 +234,8 @@ fn relative(record: &CampaignRecord) -> Option<Action> {
     let has_reference = |r: &&&FlightRow| r.lateness.as_ref().is_some_and(|l| l.checked_against.is_some());
     let with_reference = rows.iter().filter(has_reference).count();
     let what = html! {
-        "Log the IMU (acceleration and attitude, 10 Hz or more), or measure the receiver on the bench: "
+        "Log the IMU (acceleration and attitude, 10 Hz or more), or measure the receiver on the bench. If an IMU is logged, the page of \
+         the flight says why it was not used. "
         (number::counted(rows.len() as u64, "flight shows", "flights show"))
         " how far position and velocity are apart in time, but not how late both are, so nothing was removed: " (names(&rows)) "."
         @if with_reference > 0 {
