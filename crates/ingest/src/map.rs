@@ -197,6 +197,10 @@ pub(crate) enum TimeSource {
         /// The UTC offset of text without one.
         zone: Option<String>,
     },
+    /// As text without a zone that counts GPS time, without leap seconds.
+    GpsText {
+        field: String,
+    },
     Civil {
         date: String,
         time: String,
@@ -358,7 +362,9 @@ impl TimeSource {
     pub(crate) fn clock(&self) -> Clock {
         match self {
             TimeSource::Number { clock, .. } => *clock,
-            TimeSource::GpsWeek { .. } | TimeSource::Civil { is_gps: true, .. } => Clock::Gps,
+            TimeSource::GpsWeek { .. } | TimeSource::GpsText { .. } | TimeSource::Civil { is_gps: true, .. } => {
+                Clock::Gps
+            }
             TimeSource::DayOfYear { year: None, .. } | TimeSource::TimeOfDay { .. } => Clock::Elapsed,
             TimeSource::LoggedOnBoot => Clock::Boot,
             _ => Clock::Unix,
@@ -373,6 +379,7 @@ impl TimeSource {
             TimeSource::LoggedOnBoot => "log, on the clock since boot".into(),
             TimeSource::Number { field, .. }
             | TimeSource::Iso { field, .. }
+            | TimeSource::GpsText { field }
             | TimeSource::DayOfYear { field, .. }
             | TimeSource::TimeOfDay { field } => field.clone(),
             TimeSource::GpsWeek { week, field, .. } => format!("{week}, {field}"),
@@ -398,6 +405,7 @@ impl TimeSource {
             }
             TimeSource::Number { field, .. }
             | TimeSource::Iso { field, .. }
+            | TimeSource::GpsText { field }
             | TimeSource::DayOfYear { field, .. }
             | TimeSource::TimeOfDay { field } => vec![text(field)],
             TimeSource::Civil { date, time, offset, .. } => {
@@ -982,6 +990,9 @@ fn source_in_field(field: &str, entry: &TimeEntry, clock: Option<(Clock, i64)>) 
         }
         (None, Some(TimeText::Iso8601), None) if matches!(clock, None | Some((Clock::Unix, 0))) => {
             Ok(TimeSource::Iso { field, zone })
+        }
+        (None, Some(TimeText::Iso8601), None) if clock == Some((Clock::Gps, 0)) && zone.is_none() => {
+            Ok(TimeSource::GpsText { field })
         }
         (None, Some(TimeText::DayOfYear), None) if clock.is_none() => {
             Ok(TimeSource::DayOfYear { field, year: entry.year, zone })

@@ -141,9 +141,10 @@ pub(super) fn example(source: &TimeSource, table: &Table) -> Option<String> {
         texts.find(|text| !text.trim().is_empty()).map(|text| format!("{}: {:.40}", column.path, text.trim()))
     };
     let cells = match source {
-        TimeSource::Iso { field, .. } | TimeSource::DayOfYear { field, .. } | TimeSource::TimeOfDay { field } => {
-            first(table.texts(field)?)?
-        }
+        TimeSource::Iso { field, .. }
+        | TimeSource::GpsText { field }
+        | TimeSource::DayOfYear { field, .. }
+        | TimeSource::TimeOfDay { field } => first(table.texts(field)?)?,
         TimeSource::Civil { date, time, .. } => {
             let columns = [date, time].map(|field| table.texts(field).and_then(first));
             columns.into_iter().flatten().collect::<Vec<_>>().join(", ")

@@ -6,8 +6,10 @@ use super::date_columns::{stamps_of_dates, without_zone};
 use super::repair::Repair;
 use super::time_of_day::{DAY_NS, days_of_year, times_of_day, zone_ns};
 use crate::map::{TieRule, TimeSource, USUAL_BITS};
-use flight::{Clock, Code, NANOS_PER_SECOND, Severity, Stamp, StampKind, UtcTie, WEEK_S, gps_of_unix};
-use formats::civil::{Tick, calendar_to_unix_ns, local_to_unix_ns};
+use flight::{
+    Clock, Code, GPS_EPOCH_UNIX_S, NANOS_PER_SECOND, Severity, Stamp, StampKind, UtcTie, WEEK_S, gps_of_unix,
+};
+use formats::civil::{Tick, calendar_to_unix_ns, local_to_unix_ns, says_zone};
 use formats::time::{Week, WeekCount, redate_weeks, tie, unwrap};
 use formats::{Column, ColumnData, Log, Table, Values};
 use std::ops::Range;
@@ -245,6 +247,14 @@ fn nanos_of(source: &TimeSource, table: &Table, repairs: &mut Vec<Repair>) -> Op
             let column = table.texts(field)?;
             let offset = zone.as_deref().unwrap_or("Z");
             rows.map(|row| local_to_unix_ns(column.text(row)?, offset)).collect()
+        }
+        TimeSource::GpsText { field } => {
+            let column = table.texts(field)?;
+            let gps = |row| {
+                let text = column.text(row).filter(|text| !says_zone(text))?;
+                local_to_unix_ns(text, "Z")?.checked_sub(GPS_EPOCH_UNIX_S * NANOS_PER_SECOND)
+            };
+            rows.map(gps).collect()
         }
         TimeSource::Civil { .. } => stamps_of_dates(source, table, repairs)?.into(),
         TimeSource::DayOfYear { field, year, zone } => days_of_year(field, *year, zone.as_deref(), table, repairs)?.1,

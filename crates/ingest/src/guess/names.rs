@@ -163,6 +163,7 @@ const TIMES: &[&str] = &[
     "utc",
     "tow",
     "itow",
+    "sow",
     "epoch",
     "elapsed",
     "seconds",
@@ -240,6 +241,11 @@ pub(super) fn named(head: &TableHead, path: &str) -> Option<Named> {
     let mut words = words(front);
     let ending = take_unit(&mut words);
     let words: Vec<String> = words.iter().flat_map(|word| without_number(word)).collect();
+    let (words, ending) = if is_seconds_of_source(&words, &ending) {
+        (words.into_iter().chain(["seconds".to_owned()]).collect(), vec![])
+    } else {
+        (words, ending)
+    };
     let all = words.clone();
     let (role, source) = body_role_of(&words, &ending).or_else(|| role_of(&words, &ending))?;
     let stated = head.unit_of(path);
@@ -252,6 +258,12 @@ pub(super) fn named(head: &TableHead, path: &str) -> Option<Named> {
     let is_short = unit.is_none() && role.dimension() == Dimension::Speed && ending.iter().any(|u| u.symbol() == "ms");
     let unit = if is_short { "m/s".parse().ok() } else { unit };
     Some(Named { path: path.to_owned(), role, source, unit, odd_unit, words: all })
+}
+
+/// `GPS seconds` are a time, and not a GPS in seconds.
+fn is_seconds_of_source(words: &[String], ending: &[Unit]) -> bool {
+    let is_source = !words.is_empty() && words.iter().all(|word| SOURCES.contains(&word.as_str()));
+    is_source && ending.iter().any(|unit| unit.symbol() == "s")
 }
 
 /// `lat2` is `lat` of a source named `2`.
@@ -333,6 +345,8 @@ fn role_of(words: &[String], ending: &[Unit]) -> Option<(Role, String)> {
     }
     let stated = ending.iter().map(|unit| unit.dimension()).find(|d| matches!(d, Dimension::Speed | Dimension::Length));
     let role = match (role, of.or(stated), axis) {
+        // Seconds of the week.
+        (Some(Role::Week), ..) if left.iter().any(|word| TIMES.contains(word)) => Role::Time,
         (Some(Role::Week), ..) => Role::Week,
         (Some(role), ..) => role,
         (None, Some(Dimension::Speed), Some(axis)) => Role::Velocity(in_frame(axis, words)),
@@ -503,7 +517,7 @@ mod tests {
 
     #[test]
     fn names_give_roles_axes_sources_and_units() {
-        use Role::{Height, Latitude, Longitude, Position, Speed, Time, Track, Velocity};
+        use Role::{Height, Latitude, Longitude, Position, Speed, Time, Track, Velocity, Week};
         assert_names(&[
             ("lat", Latitude, "", None),
             ("lat_deg", Latitude, "", Some("deg")),
@@ -544,6 +558,11 @@ mod tests {
             ("Longitude True", Longitude, "truth", None),
             ("true_track", Track, "", None),
             ("Bearing", Track, "", None),
+            ("GPS seconds", Time, "", None),
+            ("GPS Seconds of Week", Time, "", None),
+            ("time of week [s]", Time, "", Some("s")),
+            ("SOW", Time, "", None),
+            ("GPS week [-]", Week, "", None),
         ]);
     }
 

@@ -14,6 +14,9 @@ const UNIX_S: std::ops::Range<f64> = 1e9..4e9;
 /// Possible units of a number where no unit is stated.
 const UNITS: [(&str, f64); 4] = [("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)];
 
+/// Words of a time next to a week.
+const OF_WEEK: &[&str] = &["time", "seconds", "sec", "secs", "sow"];
+
 /// A reading of the time of a table.
 #[derive(Debug, Clone)]
 pub(super) struct Timing {
@@ -38,7 +41,7 @@ pub(super) fn timings(table: &Table, columns: &[Named]) -> Vec<Timing> {
     let of_role = |role: Role| columns.iter().filter(move |c| c.role == role);
     for week in of_role(Role::Week) {
         for time in
-            of_role(Role::Time).filter(|c| c.words.iter().any(|w| w.contains("tow") || w == "time" || w == "seconds"))
+            of_role(Role::Time).filter(|c| c.words.iter().any(|w| w.contains("tow") || OF_WEEK.contains(&w.as_str())))
         {
             let found = of_week(table, week, time);
             if found.is_some() {
@@ -118,6 +121,10 @@ fn of_week(table: &Table, week: &Named, time: &Named) -> Option<Timing> {
 
 fn of_column(table: &Table, column: &Named) -> Vec<Timing> {
     if table.numbers(&column.path).is_none() {
+        // A zone in the text makes it UTC.
+        if let Some(found) = of_gps_text(table, column) {
+            return vec![found];
+        }
         return of_text(table, column, &["iso-8601", "time-of-day", "day-of-year"]).into_iter().collect();
     }
     if column.unit.is_none() && is_hours_minutes_seconds(table, column) {
@@ -167,6 +174,21 @@ fn is_hours_minutes_seconds(table: &Table, column: &Named) -> bool {
     let ends = || all().zip(all().skip(1)).filter(|(a, b)| (a / MINUTE).floor() < (b / MINUTE).floor());
     let jumps = |(a, b): (f64, f64)| b - a > 40.0 && b % MINUTE < a % MINUTE;
     ends().next().is_some() && all().all(fits) && ends().all(jumps)
+}
+
+/// A date as text, in a column that is called GPS time.
+fn of_gps_text(table: &Table, column: &Named) -> Option<Timing> {
+    let has = |any: &[&str]| column.words.iter().any(|word| any.contains(&word.as_str()));
+    let is_gps_time = has(&["gpst", "gpstime"]) || has(&["gps", "gnss"]) && has(&["time"]);
+    if !is_gps_time || has(&["utc", "gmt"]) {
+        return None;
+    }
+    let field = super::names::quoted(&column.path);
+    let entry = format!("{{ field = {field}, text = \"iso-8601\", clock = \"gps\" }}");
+    let label = format!("{} as iso-8601, clock gps by its name", column.path);
+    let why = "its text is iso-8601, and by its name it is GPS time, without leap seconds; if it is UTC, remove the \
+        clock";
+    timing(table, (entry, label), "measured", why.to_owned(), true)
 }
 
 fn of_text(table: &Table, column: &Named, texts: &[&str]) -> Option<Timing> {

@@ -452,6 +452,35 @@ fn two_times_in_one_table_belong_to_the_columns_on_their_right() {
     assert!(summary(&of_week).contains("time = time [s] [s], clock elapsed, logged;"), "{}", summary(&of_week));
 }
 
+/// GPS time is ahead of UTC by the leap seconds, 18 in 2026.
+#[test]
+fn gps_time_by_its_name_is_not_utc() {
+    let clock_of = |header: &str, time: &dyn Fn(f64) -> String| {
+        let text = table(&format!("{header},lat,lon,alt,vn,ve,vd"), |t, [a, b, h], [n, e, u]| {
+            format!("{},{},{},{h},{n},{e},{}", time(t), deg(a), deg(b), -u)
+        });
+        let loaded = load_text(&text);
+        assert_is_truth(&loaded);
+        let timeline = of(&loaded, Quantity::VelocityNed).series.timeline().clone();
+        timeline.clock().unix(timeline.stamps()[0]).map(|unix| unix.0 / flight::NANOS_PER_SECOND)
+    };
+    let date = |t: f64| format!("2026-05-10 10:{:02}:{:04.1}", (t / 60.0 + 1e-6) as i32, (t + 1e-6) % 60.0);
+    let utc = clock_of("UTC time", &date);
+    assert!(utc.is_some());
+    assert_eq!(clock_of("GPS Time", &date), utc.map(|utc| utc - 18));
+    assert_eq!(clock_of("GPS Time", &|t| date(t) + "Z"), utc);
+    assert_eq!(clock_of("GPS UTC time", &date), utc);
+    for header in ["Week,TOW", "GPS week,GPS seconds", "GPS week [-],GPS seconds [s]", "Week,SOW"].into_iter().chain([
+        "GPS Week,GPS Seconds of Week",
+        "Week,Time of Week [s]",
+        "GPS_WEEK,GPS_TOW_S",
+    ]) {
+        // 2026-05-10 is the first day of week 2418.
+        let time = |t: f64| format!("2418,{:.1}", 36_000.0 + t);
+        assert_eq!(clock_of(header, &time), utc.map(|utc| utc - 18), "{header}");
+    }
+}
+
 #[test]
 fn a_time_that_goes_back_is_named_with_its_line() {
     let row = |t: f64, [a, b, h]: [f64; 3], [n, e, u]: [f64; 3]| {
