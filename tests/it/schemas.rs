@@ -3,6 +3,7 @@
 use crate::program::{run, text};
 use serde_json::Value;
 use simulate::write_campaign;
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -78,6 +79,15 @@ fn the_published_schemas_match_the_types() {
         }
         assert!(fs::read_to_string(&path).unwrap() == generated, "{file}: accept a change with `just bless`");
     }
+    let named: BTreeSet<&str> =
+        campaign::schemas().into_iter().chain(history::schemas()).map(|(file, _)| file).collect();
+    let published: Vec<String> = ["docs", "pipelines", "pipelines/channel-maps", "pipelines/nightly"]
+        .iter()
+        .flat_map(|folder| fs::read_dir(root.join(folder)).unwrap().map(move |e| (folder, e.unwrap().file_name())))
+        .map(|(folder, file)| format!("{folder}/{}", file.to_string_lossy()))
+        .filter(|file| file.ends_with(".schema.json"))
+        .collect();
+    assert_eq!(named, published.iter().map(String::as_str).collect(), "each published schema is generated");
 }
 
 #[test]

@@ -32,7 +32,7 @@ const SLIPS: [(&str, &str, usize, &str); 9] = [
 ];
 
 /// Metrics, the keys added to their criterion, the line of the complaint, and its text.
-const WRONG_KEYS: [(&str, &str, usize, &str); 30] = [
+const WRONG_KEYS: [(&str, &str, usize, &str); 31] = [
     ("delay", "", 2, "needs a limit"),
     ("delay", "at_most = \"1 s\"\nat_least = \"0 s\"", 2, "has only one limit"),
     ("delay", "at_most = 150", 7, "150 has no unit: write a text with a number and one of the units s, ms"),
@@ -54,6 +54,7 @@ const WRONG_KEYS: [(&str, &str, usize, &str); 30] = [
     ("error-rms", "at_most = \"1 m\"", 2, "missing key `compensator`"),
     ("error-rms", "at_most = \"1 m\"\ncompensator = \"wishful\"", 8, "no compensator is called \"wishful\""),
     ("error-rms", "at_most = \"-1 m\"\ncompensator = \"raw\"", 7, "no flight can meet this limit"),
+    ("valid-share", "between = [\"101 %\", \"120 %\"]", 7, "no flight can meet this limit"),
     ("error-rms", "at_least = \"0 m\"\ncompensator = \"raw\"", 7, "every flight meets this limit"),
     ("error-ratio", "at_most = 1\ncompensator = \"raw\"", 8, "compares with raw"),
     ("channel-rate", "at_least = \"4 Hz\"", 2, "missing key `channel`"),

@@ -353,7 +353,7 @@ fn lead_title(lead: &LeadCurves) -> Option<String> {
     let metres = |lead: &Lead| format!("{}\u{a0}m", number::significant(lead.median_m, 3));
     let moved = format!("Compensation moves the position ahead by {}", metres(lead.of.first()?));
     let reference = lead.of.get(1).map(|reference| format!("; the reference is {} ahead", metres(reference)));
-    Some(moved + &reference.unwrap_or_default() + " (medians)")
+    Some(moved + &reference.unwrap_or_default())
 }
 
 fn span(zoom: &Zoom, panel: &Panel, name: &str) -> Option<Span> {

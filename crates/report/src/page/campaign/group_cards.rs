@@ -153,7 +153,7 @@ fn agreement(group: &GroupLateness, rows: &[&FlightRow]) -> Markup {
     let outliers: Vec<&FlightRow> = rows.iter().filter(|r| group.outliers.contains(&r.flight)).copied().collect();
     html! {
         (number::counted(group.flights, "flight", "flights"))
-        @if group.pooled > 0 { ", " (number::count(group.pooled)) " with one measured delay" }
+        @if group.pooled > 0 { ", " (number::count(group.pooled)) " with a measured delay" }
         @if let Some(words) = &group.split { ": " (ended(words)) }
         @else {
             // The test covers all flights. Outliers are named instead and excluded from the mean.
