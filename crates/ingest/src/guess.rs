@@ -153,6 +153,7 @@ pub(crate) fn guess(log: &Log) -> Result<Guess, String> {
             reasons.join("; ")
         });
     }
+    reasons.extend(sources.iter().flat_map(|source| &source.lost_heights).cloned());
     Ok(with_bodies(&sources, places, motions, reasons, log.tables.len() > 1))
 }
 

@@ -352,8 +352,9 @@ fn assumptions(plan: &Plan<'_>, columns: &[Option<&Found<'_>>], notices: &mut No
     }
     // A dropped column has its own notice.
     if columns.iter().flatten().count() == plan.columns.iter().flatten().count() {
-        for absent in absent(plan, columns) {
-            say(substitute, &format!("the log has no {absent}; it counts as zero"));
+        for (of, absent) in absent(plan, columns) {
+            let who = if is_named(plan, of) { "the log has" } else { "the channel map reads" };
+            say(substitute, &format!("{who} no {absent}; it counts as zero"));
         }
     }
 }
@@ -369,9 +370,16 @@ fn present(plan: &Plan<'_>, columns: &[Option<&Found<'_>>]) -> Vec<bool> {
         .collect()
 }
 
-fn absent(plan: &Plan<'_>, columns: &[Option<&Found<'_>>]) -> Vec<String> {
-    let components = plan.rule.quantity.components().iter().zip(present(plan, columns));
-    components.filter(|(_, present)| !present).map(|(name, _)| (*name).to_owned()).collect()
+/// Components without a column, by index and name.
+fn absent(plan: &Plan<'_>, columns: &[Option<&Found<'_>>]) -> Vec<(usize, String)> {
+    let components = plan.rule.quantity.components().iter().zip(present(plan, columns)).enumerate();
+    components.filter(|(_, (_, present))| !present).map(|(of, (name, _))| (of, (*name).to_owned())).collect()
+}
+
+/// Whether the map has a field for a component.
+fn is_named(plan: &Plan<'_>, component: usize) -> bool {
+    let vertical = plan.rule.parts.iter().find(|part| part.presence == Presence::Vertical);
+    vertical.or(plan.rule.parts.get(component)).is_none_or(|part| !part.fields.is_empty())
 }
 
 fn source_of(plan: &Plan<'_>, columns: &[Option<&Found<'_>>]) -> ChannelSource {
@@ -388,7 +396,7 @@ fn health_of(plan: &Plan<'_>, columns: &[Option<&Found<'_>>], rejects: Rejects, 
         name: plan.rule.name.clone(),
         quantity: plan.rule.quantity,
         source: source_of(plan, columns),
-        absent: absent(plan, columns),
+        absent: absent(plan, columns).into_iter().map(|(_, name)| name).collect(),
         rows: plan.table.rows as u64,
         used: used as u64,
         rejected: rejects.0,

@@ -66,6 +66,7 @@ fn source<'l>(head: &TableHead, table: &'l Table, time: &String, timings: Vec<Ti
         positions,
         velocities,
         without_number: vec![],
+        lost_heights: vec![],
         speed_alone: None,
         attitudes,
         rates,

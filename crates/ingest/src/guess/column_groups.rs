@@ -17,6 +17,8 @@ pub(super) struct TableColumns<'l> {
     pub(super) velocities: Vec<Velocity>,
     /// Columns named like a position without a number.
     pub(super) without_number: Vec<String>,
+    /// Why heights are not bound.
+    pub(super) lost_heights: Vec<String>,
     /// A speed that no other column gives a direction, and a heading that may or may not be its course.
     pub(super) speed_alone: Option<(String, Option<String>)>,
     /// Roll, pitch and yaw.
@@ -87,6 +89,7 @@ fn of_table<'l>(log: &'l Log, table: &'l Table) -> Vec<TableColumns<'l>> {
     let Some(head) = log.head(&table.topic.name) else { return vec![] };
     let (named, empty) = filled(head, table);
     let is_position = |c: &Named| matches!(c.role, Role::Latitude | Role::Longitude | Role::Position(_));
+    let mut lost_heights: Vec<String> = empty.iter().filter(|c| c.role == Role::Height).map(without_height).collect();
     let mut without_number: Vec<String> = empty.into_iter().filter(is_position).map(|column| column.path).collect();
     let unknown_unit = super::time_columns::unknown_unit(table, &named);
     let parts = super::time_columns::parts_of_time(table, &head.names);
@@ -103,9 +106,30 @@ fn of_table<'l>(log: &'l Log, table: &'l Table) -> Vec<TableColumns<'l>> {
     let of_block = |(named, timings): (Vec<Named>, Vec<Timing>)| TableColumns {
         refused_time: refused_time.take(),
         without_number: std::mem::take(&mut without_number),
+        lost_heights: std::mem::take(&mut lost_heights).into_iter().chain(stray_heights(&named)).collect(),
         ..source(head, table, &named, timings)
     };
     of_times.into_iter().map(of_block).collect()
+}
+
+fn without_height(column: &Named) -> String {
+    format!("{}: no cell is a plain number; write it with a decimal point and without other marks", column.path)
+}
+
+/// Heights that by their names belong to no latitude and longitude, where one of these has no height.
+fn stray_heights(named: &[Named]) -> Option<String> {
+    let lacks = |c: &&Named| c.role == Role::Latitude && of(named, &c.source, Role::Height).is_none();
+    let place = named.iter().find(lacks)?;
+    let has_place = |source: &str| of(named, source, Role::Latitude).is_some();
+    let stray = named.iter().filter(|c| c.role == Role::Height && !has_place(&c.source));
+    let stray: Vec<&str> = stray.map(|c| c.path.as_str()).collect();
+    (!stray.is_empty()).then(|| {
+        format!(
+            "{}: by the name not the height of {}, which has none; call the column alt, or state it in a channel map",
+            stray.join(" and "),
+            place.path
+        )
+    })
 }
 
 /// The columns of one time.
@@ -131,6 +155,7 @@ fn source<'l>(head: &TableHead, table: &'l Table, named: &[Named], timings: Vec<
         positions,
         velocities,
         without_number: vec![],
+        lost_heights: vec![],
         speed_alone,
         attitudes: triples(ATTITUDE),
         rates: triples(AXES.map(Role::Rate)),

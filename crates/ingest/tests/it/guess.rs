@@ -564,6 +564,22 @@ fn the_unit_of_a_height_is_that_of_the_vertical_velocity_or_unknown() {
 }
 
 #[test]
+fn a_height_that_is_not_bound_is_listed_with_the_reason() {
+    let of_header = |header: &str, height: &dyn Fn(f64) -> String| {
+        summary(&load_text(&table(header, |t, [a, b, h], [n, e, u]| {
+            format!("{t:.1},{:.9},{:.9},{},{n:.4},{e:.4},{:.4}", deg(a), deg(b), height(h), -u)
+        })))
+    };
+    let feet = |h: f64| format!("\"1,{:05.1}\"", h / 0.3048);
+    let text = of_header("time,lat,lon,alt [ft],vn,ve,vd", &feet);
+    assert!(text.contains("not bound: alt [ft]: no cell is a plain number"), "{text}");
+    let two = |h: f64| format!("{:.1},{h:.1}", h / 0.3048);
+    let text = of_header("time,lat,lon,baro_alt [ft],gps_alt [m],vn,ve,vd", &two);
+    assert!(text.contains("not bound: baro_alt [ft] and gps_alt [m]: by the name not the height of lat"), "{text}");
+    assert!(!of_header("time,lat,lon,alt,baro_alt,vn,ve,vd", &two).contains("not bound"));
+}
+
+#[test]
 fn a_speed_without_a_course_is_reported_with_a_way_out() {
     let of_header = |header: &str| {
         let text = table(header, |t, [a, b, _], [n, e, _]| {
