@@ -149,21 +149,32 @@ fn print_verdict(verdict: &Verdict, out: &Path, arguments: &RunArguments) -> Res
     for line in delay_command::short_text(&verdict.lines, &groups).lines() {
         say(arguments, line)?;
     }
-    let mut parts = vec![format!("{} helped", totals.helped)];
-    let others = [
+    let listed = |of: &[(u64, &str)]| {
+        of.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{n} {what}")).collect::<Vec<String>>().join(", ")
+    };
+    let mut text = format!("{} helped", totals.helped);
+    let others = listed(&[
         (totals.harmed, "HARMED"),
         (totals.compensated.saturating_sub(totals.helped + totals.harmed), "with no clear effect"),
-        (totals.varying, "with a delay that changes"),
         (totals.uncompensated, "measured with nothing removed"),
         (totals.not_measurable, "not measurable"),
         (totals.pending, "pending"),
         (totals.failed, "failed"),
+    ]);
+    // Each flight is counted once above, and may also be one of these.
+    let among = listed(&[
+        (totals.varying, "with a delay that changes"),
         (totals.lossy, "with damaged logs"),
         (verdict.troubled.saturating_sub(totals.pending), "to be repeated"),
-    ];
-    parts.extend(others.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{n} {what}")));
+    ]);
+    for (joint, part) in [(", ", others), ("; among them ", among)] {
+        if !part.is_empty() {
+            text += joint;
+            text += &part;
+        }
+    }
     let nothing = if verdict.nothing_changed { "nothing changed: " } else { "" };
-    say(arguments, &format!("{nothing}{}: {}", count(totals.flights, "flight"), parts.join(", ")))?;
+    say(arguments, &format!("{nothing}{}: {text}", count(totals.flights, "flight")))?;
     if let Some(criteria) = &verdict.criteria {
         print_criteria(criteria, arguments)?;
     }

@@ -106,7 +106,7 @@ fn page(unit: &FlightUnit, loaded: &Loaded, arguments: &InspectArguments) -> Str
     let parts = [
         head(unit, health),
         vehicle::text(&health.about, all),
-        topics(&health.topics, all),
+        topics(&health.topics, channels_of(loaded), all),
         stamps(&health.topics, all),
         extras(health, all),
         binding,
@@ -146,8 +146,12 @@ fn head(unit: &FlightUnit, health: &LogHealth) -> String {
     )
 }
 
+fn channels_of(loaded: &Loaded) -> &[ChannelHealth] {
+    loaded.binding.as_ref().map_or(&[], |binding| &binding.channels)
+}
+
 /// Topics that were read, and as many others as there is room for.
-fn topics(topics: &[TopicHealth], all: bool) -> String {
+fn topics(topics: &[TopicHealth], channels: &[ChannelHealth], all: bool) -> String {
     let mut table = Table::new(&["topic", "type", "encoding", "messages|", "rate Hz|", "duration s|", "values"]);
     let any = topics.iter().any(|t| t.decoded);
     let (mut room, mut left_out, mut empty) = (if any { MOST_OTHERS } else { MOST_TOPICS }, 0, 0);
@@ -160,7 +164,7 @@ fn topics(topics: &[TopicHealth], all: bool) -> String {
             (asked, ..) => {
                 room -= usize::from(!asked);
                 table.row(topic_cells(topic));
-                notes.extend(about_rate(topic));
+                notes.extend(about_rate(topic, channels));
             }
         }
     }
@@ -180,9 +184,15 @@ fn topics(topics: &[TopicHealth], all: bool) -> String {
 }
 
 /// What the rate of a topic does not show: how many of its messages it covers.
-fn about_rate(topic: &TopicHealth) -> Option<String> {
+fn about_rate(topic: &TopicHealth, channels: &[ChannelHealth]) -> Option<String> {
     let stamps = topic.stamps.first()?;
     let (name, all) = (visible(&topic.name), topic.messages);
+    // Where the format has no times, those of a channel are shown: of the rows that it uses.
+    let is_shown = |c: &&ChannelHealth| c.source.topic == topic.name && c.stamps.as_ref() == Some(stamps);
+    if let Some(channel) = channels.iter().find(is_shown).filter(|_| stamps.count < all) {
+        let (count, channel) = (stamps.count, visible(&channel.name));
+        return Some(format!("{name}: rate and duration are of the {count} of {all} messages that {channel} uses"));
+    }
     if stamps.count < all {
         return Some(format!("{name}: {} of {all} messages have a time", stamps.count));
     }
@@ -425,6 +435,26 @@ mod tests {
         .unwrap();
         let reason = "no channel map fits; the log holds motor (none of the wanted columns is among t, rpm)";
         assert_eq!(without_repeats(reason, &[topic]), "no channel map fits; the log holds motor");
+    }
+
+    #[test]
+    fn a_rate_of_the_rows_of_a_channel_is_said_to_be_that() {
+        let kind = flight::StampKind::Logged;
+        let stamps = ingest::stamps::StampStats::from_slice(kind, Clock::Elapsed, "time", &[0, 1, 2]);
+        let topic: TopicHealth = serde_json::from_value(serde_json::json!({
+            "name": "own", "type_name": "", "encoding": "csv", "messages": 5, "payload_bytes": 8, "stamps": [stamps],
+            "decoded": true, "reason": "",
+        }))
+        .unwrap();
+        let channel: ChannelHealth = serde_json::from_value(serde_json::json!({
+            "name": "position.gps", "quantity": "position-geodetic", "rows": 5, "used": 3, "absent": [],
+            "source": {"topic": "own", "type_name": "", "fields": []}, "rejected": [], "stamps": stamps,
+            "offsets": [], "held": null,
+        }))
+        .unwrap();
+        let of_channel = "own: rate and duration are of the 3 of 5 messages that position.gps uses";
+        assert_eq!(about_rate(&topic, &[channel]).as_deref(), Some(of_channel));
+        assert_eq!(about_rate(&topic, &[]).as_deref(), Some("own: 3 of 5 messages have a time"));
     }
 
     #[test]
