@@ -15,6 +15,7 @@ mod write;
 
 pub(crate) use self::found::Guess;
 pub(crate) use self::orientations::orientations;
+pub(crate) use self::write::renamed;
 
 use self::column_groups::{Position, TableColumns, Velocity, has_body, may_hold, names_axes, odd_unit, sources};
 use self::compare::{

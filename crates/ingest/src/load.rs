@@ -4,7 +4,7 @@ use crate::bind::bind;
 use crate::companion::companion;
 use crate::error::IngestError;
 use crate::guess::{self, Guess};
-use crate::map::{ChannelMap, MapLibrary, MapSelect};
+use crate::map::{ChannelMap, MapLibrary, MapSelect, is_shipped};
 use crate::platform::{FileIdentity, identity};
 use flight::{Binding, Code, Flight, LogHealth, Quantity};
 use formats::{FlightUnit, Log, LogError, LogKind, ReadContext, Selection, TableHead, TopicInfo, file_name, read};
@@ -184,11 +184,26 @@ pub fn load_orientations(unit: &FlightUnit, context: &ReadContext<'_>) -> Result
     Ok(orientations)
 }
 
-/// The channel map that [`load`] would use for a table that no map fits, as file text with the reasons as comments.
+/// The channel map that [`load`] would use for a table that no map fits, as file text with the reasons as comments,
+/// named after the log.
 ///
 /// # Errors
 /// As [`read`]; [`IngestError::Map`] with the reason if there is no such map.
 pub fn suggest(unit: &FlightUnit, context: &ReadContext<'_>) -> Result<String, IngestError> {
+    suggested(unit, context).map(|text| guess::renamed(&text, &name_after(unit)))
+}
+
+/// The stem of the file or of the flight; never the name of a built-in map, which it would replace.
+fn name_after(unit: &FlightUnit) -> String {
+    let path = match unit.files.as_slice() {
+        [only] => only.as_path(),
+        _ => Path::new(&unit.id),
+    };
+    let stem = path.file_stem().map_or("own".into(), |stem| stem.to_string_lossy());
+    if is_shipped(&stem) { format!("{stem}-own") } else { stem.into_owned() }
+}
+
+fn suggested(unit: &FlightUnit, context: &ReadContext<'_>) -> Result<String, IngestError> {
     if unit.kind != LogKind::Csv {
         return Err(IngestError::Map("columns are guessed for text tables only; other logs name their types".into()));
     }

@@ -11,6 +11,7 @@ use map_file::{
     RequireEntry, TimeEntry, TimeTable, TimeText, UtcEntry, WhenEntry,
 };
 use settings::{Refused, SettingsFile};
+use std::collections::BTreeMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -19,6 +20,11 @@ pub const EXAMPLE_MAP: &str = pipelines::EXAMPLE_MAP;
 
 /// The channel maps built into flightlag.
 const SHIPPED: &[(&str, &str)] = pipelines::CHANNEL_MAPS;
+
+/// Whether a map of this name is built into flightlag.
+pub(crate) fn is_shipped(name: &str) -> bool {
+    SHIPPED.iter().any(|(file, _)| Path::new(file).file_stem().is_some_and(|stem| stem == name) || *file == name)
+}
 
 /// Defines which topics and fields of a kind of log become which channels.
 ///
@@ -492,11 +498,12 @@ impl MapLibrary {
         Ok(library)
     }
 
-    /// Adds the `*.toml` of a folder, and the definitions `PACKAGE/msg/TYPE.msg` in it and below it; a map replaces an earlier
-    /// one of the same name.
+    /// Adds the `*.toml` of a folder, and the definitions `PACKAGE/msg/TYPE.msg` in it and below it; a map replaces a
+    /// built-in one of the same name.
     ///
     /// # Errors
-    /// [`IngestError::Log`] or [`IngestError::BadMap`]; [`IngestError::Map`] for an invalid definition.
+    /// [`IngestError::Log`] or [`IngestError::BadMap`], also if two maps of the folder have one name;
+    /// [`IngestError::Map`] for an invalid definition.
     pub fn with_folder(mut self, folder: &Path) -> Result<MapLibrary, IngestError> {
         let failed =
             |source| IngestError::from(ScanError::Io { file: folder.display().to_string(), offset: 0, source });
@@ -511,9 +518,16 @@ impl MapLibrary {
         }
         paths.retain(|p| p.extension().is_some_and(|e| e == "toml"));
         paths.sort();
+        let mut files: BTreeMap<String, PathBuf> = BTreeMap::new();
         for path in paths {
             let text = std::fs::read_to_string(&path).map_err(failed)?;
-            self.add(ChannelMap::from_toml(&path, &text)?);
+            let map = ChannelMap::from_toml(&path, &text)?;
+            if let Some(first) = files.insert(map.name.clone(), path.clone()) {
+                let what =
+                    format!("{:?} is also the name of {}: rename one of the two maps", map.name, first.display());
+                return Err(IngestError::BadMap { path, line: None, what });
+            }
+            self.add(map);
         }
         self.definitions.add_folder(folder)?;
         Ok(self)

@@ -100,11 +100,16 @@ fn body_names(bodies: &[Found<'_, Body>]) -> Vec<String> {
 
 const HEAD: &str = "# Columns bound by guess: by names, by units, and by the agreement of position, velocity,
 # attitude, rates and forces.
-# Check every line and rename the map. `--maps DIR` uses all maps in a folder.
+# Check every line. `--maps DIR` uses all maps in a folder.
 schema = 1
 name = \"guess\"
 title = \"Columns bound by guess\"
 ";
+
+/// The text of a guessed map under another name.
+pub(crate) fn renamed(text: &str, name: &str) -> String {
+    text.replacen("name = \"guess\"", &format!("name = {}", quoted(name)), 1)
+}
 
 /// The location of a channel.
 struct Where<'f> {

@@ -180,9 +180,13 @@ fn the_suggested_map_reads_the_same_channels_and_says_why() {
     let guessed = load(&unit).unwrap();
     let map = suggest(&unit);
     assert!(map.contains("north = { field = \"vn\", unit = \"m/s\" }") && map.contains("# "), "{map}");
+    assert!(map.contains("name = \"own\"\n"), "{map}");
+    let shipped = unit.files[0].with_file_name("mavros.csv");
+    std::fs::copy(&unit.files[0], &shipped).unwrap();
+    assert!(suggest(&tables(&[shipped])).contains("name = \"mavros-own\"\n"));
     assert!(map.contains("name = \"position.truth\""), "{map}");
     let mut library = MapLibrary::shipped().unwrap();
-    library.add(ChannelMap::from_toml(Path::new("own.toml"), &map.replace("\"guess\"", "\"own\"")).unwrap());
+    library.add(ChannelMap::from_toml(Path::new("own.toml"), &map).unwrap());
     let mapped = load_mapped(&unit, &library, None).unwrap();
     assert_eq!(mapped.binding.as_ref().unwrap().map, "own");
     assert_eq!(count_of(&mapped, "bound-by-guess"), 0);
@@ -629,7 +633,7 @@ fn suggested(text: &str) -> (String, Loaded) {
     let unit = tables(&[path]);
     let map = suggest(&unit);
     let mut library = MapLibrary::shipped().unwrap();
-    library.add(ChannelMap::from_toml(Path::new("own.toml"), &map.replace("\"guess\"", "\"own\"")).unwrap());
+    library.add(ChannelMap::from_toml(Path::new("own.toml"), &map).unwrap());
     let loaded = load_mapped(&unit, &library, None).unwrap();
     (map, loaded)
 }
@@ -847,7 +851,7 @@ fn a_suggested_map_has_attitude_rates_and_forces_with_reasons() {
         assert!(map.contains(line), "{line}: {map}");
     }
     let mut library = MapLibrary::shipped().unwrap();
-    library.add(ChannelMap::from_toml(Path::new("own.toml"), &map.replace("\"guess\"", "\"own\"")).unwrap());
+    library.add(ChannelMap::from_toml(Path::new("own.toml"), &map).unwrap());
     let mapped = load_mapped(&unit, &library, None).unwrap();
     assert_eq!((mapped.binding.as_ref().unwrap().map.as_str(), mapped.flight.channels.len()), ("own", 5));
     assert_eq!(count_of(&mapped, "bound-by-guess"), 0);

@@ -82,6 +82,14 @@ fn a_user_map_replaces_the_shipped_one_of_the_same_name() {
     assert!(error.contains("the nearest are flysight-1, flysight-2, "), "{error}");
 }
 
+#[test]
+fn two_maps_of_one_name_in_a_folder_are_refused_with_both_files() {
+    let (folder, _path) = file("a.toml", GOOD.as_bytes());
+    std::fs::write(folder.path().join("b.toml"), GOOD).unwrap();
+    let error = MapLibrary::default().with_folder(folder.path()).unwrap_err().to_string();
+    assert!(error.contains("b.toml: \"n\" is also the name of ") && error.contains("a.toml: rename one"), "{error}");
+}
+
 /// Checks the chosen map, and that displacement and velocity agree. Scale within `scale` of one, rotation
 /// within `degrees` of zero: swapped axes, a wrong sign or a wrong unit are far outside.
 fn assert_agrees(loaded: &Loaded, map: &str, pair: (&str, &str), scale: f64, degrees: f64) {
