@@ -17,6 +17,10 @@ const UNITS: [(&str, f64); 4] = [("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 
 /// Words of a time next to a week.
 const OF_WEEK: &[&str] = &["time", "seconds", "sec", "secs", "sow"];
 
+/// Units that are read only where the table states them, as in a map, and their seconds.
+const STATED_UNITS: [(&[&str], (&str, f64)); 2] =
+    [(&["min", "minute", "minutes"], ("min", 60.0)), (&["h", "hr", "hour", "hours"], ("h", 3600.0))];
+
 /// A reading of the time of a table.
 #[derive(Debug, Clone)]
 pub(super) struct Timing {
@@ -151,6 +155,9 @@ fn of_numbers(table: &Table, column: &Named, (middle, step): (f64, f64)) -> Vec<
         let found = of_unit((unit.symbol(), unit.to_si(1.0)), "the table states its unit", true);
         return found.into_iter().collect();
     }
+    if let Some(unit) = column.odd_unit.as_deref().and_then(stated_unit) {
+        return of_unit(unit, "the table states its unit", true).into_iter().collect();
+    }
     if let Some(unit) = UNITS.into_iter().find(|(_, scale)| UNIX_S.contains(&(middle * scale)) && step * scale < 1e3) {
         return of_unit(unit, &format!("by its size it counts {} since 1970 or 1980", unit.0), true)
             .into_iter()
@@ -162,6 +169,11 @@ fn of_numbers(table: &Table, column: &Named, (middle, step): (f64, f64)) -> Vec<
     let is_only = found.len() == 1;
     found.iter_mut().for_each(|timing| timing.is_certain = is_only);
     found
+}
+
+fn stated_unit(stated: &str) -> Option<(&'static str, f64)> {
+    let word = stated.trim_matches(|c: char| !c.is_alphanumeric()).to_lowercase();
+    STATED_UNITS.into_iter().find(|(words, _)| words.contains(&word.as_str())).map(|(_, unit)| unit)
 }
 
 /// Whether numbers are times as `hhmmss`: no minute and no second reaches 60, and at the end of a minute they jump to
@@ -245,7 +257,8 @@ pub(super) fn unknown_unit(table: &Table, columns: &[Named]) -> Option<String> {
     let first = times.into_iter().find(|column| !of_column(table, column).is_empty())?;
     let stated = first.odd_unit.as_ref()?;
     let is_clock = stated.to_lowercase().split(|c: char| !c.is_alphanumeric()).any(|word| CLOCKS.contains(&word));
-    (!is_clock && table.numbers(&first.path).is_some()).then(|| {
+    let is_known = is_clock || stated_unit(stated).is_some();
+    (!is_known && table.numbers(&first.path).is_some()).then(|| {
         format!(
             "the table states the unit {stated:?} for the time {}, which flightlag does not know as a unit of time",
             first.path
@@ -291,12 +304,36 @@ pub(super) fn unreadable(table: &Table, names: &[String], columns: &[Named]) -> 
         let cell = table.texts(&first.path).and_then(|values| values.text(row).map(|text| text.trim().to_owned()));
         cell.or_else(|| table.numbers(&first.path)?.number(row).map(|number| number.to_string()))
     };
-    let cell = (0..table.rows).filter_map(text).find(|text| !text.is_empty())?;
+    let cell = |row: &usize| text(*row).filter(|text| !text.is_empty());
+    let missing = table.rows - (0..table.rows).filter(|row| cell(row).is_some()).count();
+    if 10 * missing > table.rows && missing < table.rows {
+        return Some(format!(
+            "{missing} of the {} cells of the time {} of {topic} are empty: give every row a time, or leave out the rows \
+             without one",
+            table.rows, first.path
+        ));
+    }
+    if let Some(line) = out_of_order(table, first) {
+        return Some(format!(
+            "the times {} of {topic} are not in order at line {line}: sort the rows by time",
+            first.path
+        ));
+    }
+    let cell = (0..table.rows).find_map(|row| cell(&row))?;
     Some(format!(
         "the time {} of {topic} begins with {cell:?}, which cannot be read; a time must be ISO 8601, h:mm:ss of 24 \
          hours, the day of a year, or a rising number of s, ms, us or ns; {OTHER_TIMES}",
         first.path
     ))
+}
+
+/// The line of the first number that is less than the one before, if more than a tenth of them are.
+fn out_of_order(table: &Table, column: &Named) -> Option<u64> {
+    let values = table.numbers(&column.path)?;
+    let given = || (0..table.rows).filter_map(|row| Some((row, values.number(row)?)));
+    let mut back = given().zip(given().skip(1)).filter(|((_, before), (_, now))| now < before).map(|(_, (row, _))| row);
+    let first = back.next()?;
+    (10 * (1 + back.count()) > table.rows).then(|| table.origin_of(first))
 }
 
 /// The columns of minutes and of seconds below 60, if the time is written in several columns.

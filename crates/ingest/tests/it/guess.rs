@@ -616,6 +616,31 @@ fn times_and_positions_in_other_writing_are_refused_with_a_way_out() {
 }
 
 #[test]
+fn minutes_and_hours_are_read_if_the_table_states_them() {
+    for (header, per_s) in [("Time [min]", 60.0), ("Time (h)", 3600.0), ("Time [hours]", 3600.0)] {
+        let text = table(&format!("{header},lat,lon,alt,vn,ve,vd"), |t, [a, b, h], [n, e, u]| {
+            format!("{:.9},{:.9},{:.9},{h:.3},{n:.4},{e:.4},{:.4}", t / per_s, deg(a), deg(b), -u)
+        });
+        assert_is_truth(&load_text(&text));
+    }
+}
+
+#[test]
+fn times_that_are_missing_or_shuffled_are_named() {
+    let refused = |time: &dyn Fn(i64, f64) -> String| {
+        let text = table("time,lat,lon,vn,ve", |t, [a, b, _], [n, e, _]| {
+            format!("{},{:.9},{:.9},{n:.4},{e:.4}", time((10.0 * t).round() as i64, t), deg(a), deg(b))
+        });
+        load_text(&text).binding.unwrap_err()
+    };
+    let gaps = |row: i64, t: f64| if row % 4 == 0 { String::new() } else { format!("{t:.1}") };
+    let why = refused(&gaps);
+    assert!(why.contains("225 of the 900 cells of the time time of own are empty"), "{why}");
+    let why = refused(&|row, _| format!("{:.1}", 0.1 * (row * 467 % 900) as f64));
+    assert!(why.contains("the times time of own are not in order at line 4: sort the rows by time"), "{why}");
+}
+
+#[test]
 fn a_steadily_rising_column_is_the_time_under_an_unknown_name() {
     let text = table("Nr;Zeit;Lat;Lon;Alt;VN;VE;VD", |t, [a, b, h], [n, e, u]| {
         let nr = (10.0 * t).round();
