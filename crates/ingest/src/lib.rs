@@ -10,6 +10,7 @@ mod companion;
 mod definitions;
 mod discover;
 mod error;
+mod filler;
 mod guess;
 mod load;
 mod map;

@@ -6,10 +6,11 @@ use super::ecef;
 use super::order::{self, FAR_NS, Reason, Samples, Unstamped};
 use super::plan::{Found, Plan};
 use super::stamp_columns::Stamps;
+use crate::filler::is_all_nines;
 use crate::map::{ChannelRule, Combine, Part, Presence};
 use flight::{
-    Channel, ChannelHealth, ChannelSource, Code, Graded, Held, NANOS_PER_SECOND, Notices, Quantity, RejectCount,
-    Series, Severity, Stamp, StampHealth, StampKind, StampOffset, Timeline,
+    Channel, ChannelHealth, ChannelSource, Code, Dimension, Graded, Held, NANOS_PER_SECOND, Notices, Quantity,
+    RejectCount, Series, Severity, Stamp, StampHealth, StampKind, StampOffset, Timeline,
 };
 use formats::stamps::{StampStats, distribution};
 use formats::time::suspicion;
@@ -162,7 +163,8 @@ fn drop_thin_verticals<'p>(plan: &'p Plan<'_>, notices: &mut Notices) -> Vec<Opt
     parts
         .map(|(found, part)| {
             let found = found.as_ref()?;
-            let filled = |row: &usize| rows_with_others(*row) && found.column.number(*row).is_some();
+            let is_value = |value: f64| !is_filler(found, part, value);
+            let filled = |row: &usize| rows_with_others(*row) && found.column.number(*row).is_some_and(is_value);
             let thin = part.presence == Presence::Vertical && 2 * (0..plan.table.rows).filter(filled).count() < whole;
             if thin {
                 let text = format!(
@@ -207,8 +209,10 @@ fn sample_of(
     if values.iter().any(|v| !v.is_finite()) {
         return Err("value exceeds the range of a double".into());
     }
-    if plan.rule.quantity == Quantity::PositionGeodetic {
-        plausible(values)?;
+    match plan.rule.quantity {
+        Quantity::PositionGeodetic => plausible(values)?,
+        Quantity::VelocityNed => possible(values)?,
+        _ => {}
     }
     Ok(values)
 }
@@ -228,10 +232,26 @@ fn values_of(rule: &ChannelRule, columns: &[Option<&Found<'_>>], row: usize) -> 
         if !value.is_finite() {
             return Err(format!("{} is not finite", found.column.path));
         }
+        if is_filler(found, part, value) {
+            return Err(format!("{} is {value}, which stands for a missing value", found.column.path));
+        }
         let si = found.unit.to_si(value);
         values.push(if part.opposite { -si } else { si });
     }
     Ok(values)
+}
+
+/// Whether a speed or a height is nothing but nines and far from what is flown.
+fn is_filler(found: &Found<'_>, part: &Part, value: f64) -> bool {
+    /// In m/s and in m: nines in other units, such as 9999 mm/s, may be measured.
+    const FAR: f64 = 300.0;
+    let si = found.unit.to_si(value);
+    let is_far = match found.unit.dimension() {
+        Dimension::Speed => si.abs() > FAR,
+        Dimension::Length => part.role == "height" && si < -FAR,
+        _ => false,
+    };
+    is_far && is_all_nines(value)
 }
 
 /// The substitute for a part that a row lacks, computed from the parts before it; fails if there is none.
@@ -285,6 +305,13 @@ fn plausible([latitude, longitude, height, _]: [f64; 4]) -> Result<(), String> {
         return Err("latitude and longitude are zero: no fix".into());
     }
     if height.abs() > 1e6 { Err("height out of range".into()) } else { Ok(()) }
+}
+
+/// Nothing that stays near the Earth is faster than it takes to leave it.
+fn possible([north, east, down, _]: [f64; 4]) -> Result<(), String> {
+    const ESCAPE_M_PER_S: f64 = 12_000.0;
+    let speed = north.hypot(east).hypot(down);
+    if speed > ESCAPE_M_PER_S { Err("velocity out of range: above 12 km/s".into()) } else { Ok(()) }
 }
 
 /// One row in this many that shares its timestamp with another value is one too many.

@@ -4,6 +4,7 @@ use super::column_groups::{Position, Velocity, names_axes};
 use super::names::{Axis, Named, Role};
 use super::time_columns::Timing;
 use super::windows::{Match, Trace, Windows};
+use crate::filler::is_all_nines;
 use flight::{Dimension, Geodetic, LocalFrame, Unit};
 use formats::{Column, Table};
 
@@ -72,7 +73,8 @@ fn compared_rows(rows: usize) -> impl Iterator<Item = usize> {
     })
 }
 
-/// The values of some columns over the time of a table, each row converted by `convert`.
+/// The values of some columns over the time of a table, each row converted by `convert`. Rows with a number in place of a
+/// missing value are left out.
 pub(super) fn trace<const N: usize>(
     table: &Table,
     times_s: &[f64],
@@ -85,7 +87,7 @@ pub(super) fn trace<const N: usize>(
         let mut values = [0.0; N];
         for (value, column) in values.iter_mut().zip(&columns) {
             if let Some(column) = column {
-                *value = column.number(row)?;
+                *value = column.number(row).filter(|value| !is_all_nines(*value))?;
             }
         }
         Some((time_s, convert(values)))

@@ -584,6 +584,31 @@ fn a_height_that_is_not_bound_is_listed_with_the_reason() {
 }
 
 #[test]
+fn numbers_in_place_of_missing_values_are_counted_and_not_used() {
+    let text = table("time,lat,lon,alt,vn,ve,vd", |t, [a, b, h], [n, e, u]| {
+        let row = (10.0 * t).round() as u32;
+        let velocity = match row % 100 {
+            7 => "999999,999999,999999".to_owned(),
+            8 => format!("-9999,{e:.4},{:.4}", -u),
+            _ => format!("{n:.4},{e:.4},{:.4}", -u),
+        };
+        let height = if row % 100 == 20 { "-9999".to_owned() } else { format!("{h:.3}") };
+        format!("{t:.1},{:.9},{:.9},{height},{velocity}", deg(a), deg(b))
+    });
+    let loaded = load_text(&text);
+    assert_is_truth(&loaded);
+    for reason in [
+        "vn is 999999, which stands for a missing value",
+        "vn is -9999, which stands for a missing value",
+        "alt is -9999, which stands for a missing value",
+    ] {
+        assert_eq!(count_saying(&loaded, "rejected-row", reason), 9, "{reason}");
+    }
+    assert_eq!(of(&loaded, Quantity::VelocityNed).series.len(), 900 - 18);
+    assert_eq!(of(&loaded, Quantity::PositionGeodetic).series.len(), 900 - 9);
+}
+
+#[test]
 fn a_speed_without_a_course_is_reported_with_a_way_out() {
     let of_header = |header: &str| {
         let text = table(header, |t, [a, b, _], [n, e, _]| {

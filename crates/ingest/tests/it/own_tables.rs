@@ -31,6 +31,22 @@ fn a_line_of_units_is_converted_and_reported() {
 }
 
 #[test]
+fn impossible_velocities_are_counted_and_not_used() {
+    let mut text = "time,lat,lon,hMSL,velN,velE,velD,gpsFix\n".to_owned();
+    for second in 0..20 {
+        let north = if second == 3 { 32_767 } else { 36 };
+        text += &format!(
+            "2024-05-10T17:27:{second:02}Z,{:.7},8.5,400,{north},18,-3.6,3\n",
+            47.0 + 3e-4 * f64::from(second)
+        );
+    }
+    let (_folder, path) = file("flight.csv", text.as_bytes());
+    let loaded = load(&tables(&[path])).unwrap();
+    assert_eq!(count_saying(&loaded, "rejected-row", "velocity out of range: above 12 km/s"), 1);
+    assert_eq!(loaded.flight.channels["velocity.gps"].series.len(), 19);
+}
+
+#[test]
 fn a_line_with_the_units_of_the_map_changes_nothing() {
     let loaded = flysight_with(",(deg),(deg),(m),(m/s),(m/s),(m/s),");
     assert_eq!(loaded.flight.channels["velocity.gps"].series.components()[0][0], 36.0);
