@@ -2,6 +2,7 @@
 
 use crate::bench_fixture::{self, bench_record, card, failed_bench_record, silent_bench_record};
 use crate::html::{Tag, points, read, shows};
+use crate::page_text::text;
 use flight::Quantity;
 use record::{
     BenchRecord, CardChannel, ChannelDynamics, DELAY_CHANGES, ENCODER_SLIP, Estimate, Finding, GateCheck, SensorCard,
@@ -12,10 +13,6 @@ use report::{BenchPage, CardPage, CardRecord, IndexedCard, Site, WithoutMean, be
 fn site(record: &BenchRecord) -> Site {
     let command = "flightlag bench swing-07-encoder.csv swing-07-mtig.csv --rig bench.rig.toml";
     bench_site(&BenchPage { name: "swing 07", record, command, index_href: Some("../index.html") })
-}
-
-fn text(site: &Site, path: &str) -> String {
-    String::from_utf8(site.files[path].clone()).unwrap()
 }
 
 fn page(record: &BenchRecord) -> String {

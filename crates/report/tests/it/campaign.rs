@@ -3,6 +3,7 @@
 use crate::campaign_fixture::{REMOVED_S, row, varied};
 use crate::fixture;
 use crate::html::{points, read};
+use crate::page_text::{text, words_outside_figures};
 use record::{CampaignRecord, CriterionVerdict, EffectVerdict, Estimate, GroupLateness, GroupPart, OtherReceiver};
 use report::{Site, TrackExcerpt, campaign_site, excerpt_flights};
 
@@ -11,17 +12,6 @@ pub fn site(record: &CampaignRecord) -> Site {
     let of = |row: &record::FlightRow| TrackExcerpt { flight: row.flight.clone(), zoom: zoom.clone() };
     let excerpts: Vec<TrackExcerpt> = excerpt_flights(record).into_iter().map(of).collect();
     campaign_site(record, &excerpts)
-}
-
-fn text(site: &Site, path: &str) -> String {
-    String::from_utf8(site.files[path].clone()).unwrap()
-}
-
-/// Page text without markup and figures, with whitespace normalised.
-fn words(html: &str) -> String {
-    let html: String = html.split("<svg").map(|part| part.split_once("</svg>").map_or(part, |p| p.1)).collect();
-    let text: String = html.split('<').map(|part| part.split_once('>').map_or(part, |p| p.1)).collect();
-    text.replace(['\u{a0}', '\u{202f}'], " ").split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
 /// Names shown on hover in a figure.
@@ -46,7 +36,10 @@ fn the_newest_flights_and_all_outliers_are_drawn_by_name() {
     assert!(outliers.len() > 8 && outliers.iter().all(|flight| is_drawn(flight)), "{outliers:?}");
     assert!(!is_drawn(&dated[dated.len() - 1].flight));
     let left_out = dated.len() - names.iter().filter(|n| n.contains("flight-")).count();
-    assert!(words(&text(&site, "index.html")).contains(&format!("Not drawn, but in the table: {left_out} flights")));
+    assert!(
+        words_outside_figures(&text(&site, "index.html"))
+            .contains(&format!("Not drawn, but in the table: {left_out} flights"))
+    );
 }
 
 #[test]
@@ -69,7 +62,7 @@ fn the_trend_shows_every_flight_and_the_limits_of_its_group() {
 fn the_index_of_many_flights_stays_small_and_says_which_are_not_drawn() {
     let size = |flights| {
         let site = site(&varied(flights));
-        (text(&site, "index.html").len(), words(&text(&site, "index.html")))
+        (text(&site, "index.html").len(), words_outside_figures(&text(&site, "index.html")))
     };
     let ((some, _), (many, said)) = (size(6_000), size(12_000));
     assert!(many < some + some / 20, "{some} bytes, then {many}");
@@ -79,7 +72,7 @@ fn the_index_of_many_flights_stays_small_and_says_which_are_not_drawn() {
 #[test]
 fn no_mean_is_taken_over_different_receivers() {
     let record = varied(200);
-    let text = words(&text(&site(&record), "index.html"));
+    let text = words_outside_figures(&text(&site(&record), "index.html"));
     for group in &record.groups {
         let mean = 1e3 * group.lateness_s.unwrap().value;
         assert!(text.contains(&format!("{mean:.1} ± 1.0 ms late, against the IMU")), "{mean}");
@@ -98,7 +91,7 @@ fn flights_that_do_not_form_one_group_have_a_range_and_no_mean() {
     group.advice.set.clear();
     let mean = group.lateness_s.unwrap().value;
     let html = text(&site(&record), "index.html");
-    let card = words(html.split("<ul class=\"cards\">").nth(1).unwrap().split("</li>").next().unwrap());
+    let card = words_outside_figures(html.split("<ul class=\"cards\">").nth(1).unwrap().split("</li>").next().unwrap());
     assert!(card.contains("No common delay: ") && card.contains("Do not use one delay."), "{card}");
     assert!(card.contains("two clusters, 45 ms apart") && !card.contains(&format!("{:.1} ±", 1e3 * mean)), "{card}");
 }
@@ -112,7 +105,7 @@ fn another_receiver_is_named_on_the_card_of_the_group() {
     let lateness_s = Estimate { value: 0.45, standard_uncertainty: Some(0.005) };
     let other = OtherReceiver { channel: name.to_owned(), lateness_s };
     row.lateness.as_mut().unwrap().other_receivers = vec![other];
-    let html = words(&text(&site(&record), "index.html")).replace('\u{a0}', " ");
+    let html = words_outside_figures(&text(&site(&record), "index.html")).replace('\u{a0}', " ");
     let said = format!("! Another receiver {name} is 450 ± 10 ms late in {with}.");
     assert_eq!(html.matches(&said).count(), 1, "{html}");
 }
@@ -126,7 +119,8 @@ fn a_group_that_differs_only_in_the_log_says_so() {
         group.group.parts = vec![part("log", log), part("rate", rate), part("channel map", "mavros")];
     }
     let html = text(&site(&record), "index.html");
-    let cards: Vec<String> = html.split("<ul class=\"cards\">").nth(1).unwrap().split("</li>").map(words).collect();
+    let cards: Vec<String> =
+        html.split("<ul class=\"cards\">").nth(1).unwrap().split("</li>").map(words_outside_figures).collect();
     assert!(cards[0].contains("Everything except the log is as in the group of CSV."), "{}", cards[0]);
     assert!(cards[1].contains("Everything except the log is as in the group of MCAP."), "{}", cards[1]);
     assert!(cards[2..].iter().all(|card| !card.contains("Everything except the log")), "{cards:?}");
@@ -139,7 +133,10 @@ fn flights_with_only_a_known_difference_get_advice_on_logging() {
         group.against = "relative to velocity.ekf".into();
         group.advice.set.clear();
     }
-    assert!(!words(&text(&site(&record), "index.html")).contains("Log the IMU"), "something was removed");
+    assert!(
+        !words_outside_figures(&text(&site(&record), "index.html")).contains("Log the IMU"),
+        "something was removed"
+    );
     let members = record.groups[0].members.clone();
     let mut measured = 0;
     for row in record.flights.iter_mut().filter(|row| members.contains(&row.flight)) {
@@ -147,7 +144,7 @@ fn flights_with_only_a_known_difference_get_advice_on_logging() {
         measured += usize::from(row.lateness.as_ref().is_some_and(|l| l.lateness.is_some()));
     }
     assert!(measured > 1);
-    let text = words(&text(&site(&record), "index.html"));
+    let text = words_outside_figures(&text(&site(&record), "index.html"));
     assert!(
         text.contains("Log the IMU")
             && text.contains(&format!("{measured} flights show how far position and velocity are apart")),
@@ -168,7 +165,7 @@ fn the_first_todo_is_the_setting_that_saves_the_most_metres() {
         .unwrap()
         .split("<li>")
         .skip(1)
-        .map(words)
+        .map(words_outside_figures)
         .collect();
     assert!((2..=5).contains(&todo.len()), "{todo:?}");
     // M8: 118 ms late, but 200 ms were removed, from 30 % of the flights. VN-200: 154 ms too much, from 15 %.
@@ -215,7 +212,7 @@ fn criteria_form_a_matrix_of_flights_or_a_table_of_groups_if_many() {
     let count = |wanted: &[CriterionVerdict]| verdicts.iter().filter(|v| wanted.contains(v)).count();
     let judged = count(&[CriterionVerdict::Pass, CriterionVerdict::Fail, CriterionVerdict::Inconclusive]);
     let said = format!("{} of {judged}", count(&[CriterionVerdict::Pass]));
-    assert!(words(&html).contains(&said), "{said}");
+    assert!(words_outside_figures(&html).contains(&said), "{said}");
 }
 
 #[test]
@@ -243,7 +240,11 @@ fn a_very_large_campaign_is_split_into_pages_of_a_thousand_flights() {
     let record = varied(2500);
     let site = site(&record);
     let index = text(&site, "index.html");
-    assert!(words(&index).contains("2 500 flights are too many for one page"), "{}", words(&index));
+    assert!(
+        words_outside_figures(&index).contains("2 500 flights are too many for one page"),
+        "{}",
+        words_outside_figures(&index)
+    );
     assert!(!index.contains("class=\"sortable\""));
     let mut names = vec![];
     for (page, flights) in [(1, 1000), (2, 1000), (3, 500)] {
@@ -289,12 +290,14 @@ fn the_tracks_of_the_newest_flights_are_available_on_demand() {
         section.contains(&format!("<bdi>{}</bdi>", newest.flight))
             || section.replace("<wbr>", "").contains(&newest.flight)
     );
-    assert!(words(section).contains("Raw and compensated where the aircraft turned hardest, 12 flights"));
+    assert!(
+        words_outside_figures(section).contains("Raw and compensated where the aircraft turned hardest, 12 flights")
+    );
     assert!(!text(&campaign_site(&record, &[]), "index.html").contains("id=\"excerpts\""));
 }
 
 #[test]
 fn the_removed_delay_is_stated_for_each_group() {
-    let text = words(&text(&site(&varied(200)), "index.html"));
+    let text = words_outside_figures(&text(&site(&varied(200)), "index.html"));
     assert_eq!(text.matches(&format!("Removed: {:.1} ms (stated in the pipeline)", 1e3 * REMOVED_S)).count(), 4);
 }

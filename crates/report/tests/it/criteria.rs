@@ -2,31 +2,12 @@
 
 use crate::fixture::{campaign_record, failed_record, flight_record};
 use crate::html::read;
+use crate::page_text::{page, words};
 use record::{
     CampaignCriteria, CriteriaUse, CriterionFinding, CriterionSummary, CriterionUnit, CriterionVerdict, DecisionRule,
     Estimate, FlightCriteria, FlightRecord, Limit, PassRate, RowVerdict, RowVerdicts, VerdictTally,
 };
-use report::{FlightPage, campaign_site, flight_site};
-
-fn page(record: &FlightRecord) -> String {
-    let site = flight_site(&FlightPage {
-        name: "n",
-        record,
-        explorer: None,
-        has_details: false,
-        neighbours: [None; 2],
-        track_href: None,
-        index_href: "index.html",
-        command: "c",
-    });
-    String::from_utf8(site.files["index.html"].clone()).unwrap()
-}
-
-/// Page text without markup.
-fn words(html: &str) -> String {
-    let text: String = html.split('<').map(|part| part.split_once('>').map_or(part, |p| p.1)).collect();
-    text.replace('\u{a0}', " ")
-}
+use report::campaign_site;
 
 fn used() -> CriteriaUse {
     CriteriaUse {

@@ -13,6 +13,7 @@ mod hostile;
 mod html;
 mod night_fixture;
 mod no_contradiction;
+mod page_text;
 mod pages;
 mod score;
 mod sweep;

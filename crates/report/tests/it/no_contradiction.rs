@@ -1,36 +1,16 @@
 //! A page does not contradict itself: each number and each verdict has one source.
 
 use crate::fixture::{campaign_record, flight_record, sweep::estimate};
+use crate::page_text::{page, words_outside_figures};
 use record::{
     ChannelLateness, Decision, DelayAdvice, DelayAlarm, DelayKind, DelayNetwork, DelaySource, EffectVerdict,
     FlightLateness, FlightRecord, Gravity, NetworkDatum, NetworkVerdict, Outcome, ReceiverGroup,
 };
-use report::{FlightPage, campaign_site, flight_site};
-
-fn page(record: &FlightRecord) -> String {
-    let site = flight_site(&FlightPage {
-        name: "n",
-        record,
-        explorer: None,
-        has_details: false,
-        neighbours: [None; 2],
-        track_href: None,
-        index_href: "index.html",
-        command: "c",
-    });
-    String::from_utf8(site.files["index.html"].clone()).unwrap()
-}
-
-/// Page text without markup and figures, with whitespace normalised.
-fn words(html: &str) -> String {
-    let html: String = html.split("<svg").map(|part| part.split_once("</svg>").map_or(part, |p| p.1)).collect();
-    let text: String = html.split('<').map(|part| part.split_once('>').map_or(part, |p| p.1)).collect();
-    text.replace(['\u{a0}', '\u{202f}'], " ").split_whitespace().collect::<Vec<_>>().join(" ")
-}
+use report::campaign_site;
 
 /// The text above the first table.
 fn top(record: &FlightRecord) -> String {
-    words(page(record).split("<h2").next().unwrap())
+    words_outside_figures(page(record).split("<h2").next().unwrap())
 }
 
 fn alarm(gravity: Gravity, code: &str, text: &str) -> DelayAlarm {
@@ -153,8 +133,8 @@ fn the_campaign_row_of_a_flight_counts_all_its_alarms() {
     campaign.flights[0].attention = vec!["a velocity gap".into()];
     let html = String::from_utf8(campaign_site(&campaign, &[]).files["index.html"].clone()).unwrap();
     let (attention, all) = html.split_once("<h2 id=\"all\">").unwrap();
-    let attention = words(attention.split_once("<h2 id=\"attention\">").unwrap().1);
-    let row = words(all.split("<tr").find(|row| row.contains("flight-0001")).unwrap());
+    let attention = words_outside_figures(attention.split_once("<h2 id=\"attention\">").unwrap().1);
+    let row = words_outside_figures(all.split("<tr").find(|row| row.contains("flight-0001")).unwrap());
     assert!(row.contains("! 1 red alarm! 2 amber alarms"), "{row}");
     assert_eq!(attention.matches("! Red alarm 1 flight").count(), 1, "{attention}");
     assert_eq!(attention.matches("flight-0001").count(), 3, "{attention}");
@@ -165,7 +145,7 @@ fn the_campaign_row_of_a_flight_counts_all_its_alarms() {
 /// The text of a campaign's list of things to do.
 fn to_do(campaign: &record::CampaignRecord) -> String {
     let html = String::from_utf8(campaign_site(campaign, &[]).files["index.html"].clone()).unwrap();
-    words(html.split("<h2 id=\"todo\">").nth(1).unwrap().split("<h2").next().unwrap())
+    words_outside_figures(html.split("<h2 id=\"todo\">").nth(1).unwrap().split("<h2").next().unwrap())
 }
 
 /// Former bug: two of three flights were named, because the advice of the third had another speed.
@@ -266,7 +246,7 @@ fn a_figure_says_late_only_if_the_lateness_is_known() {
 
 #[test]
 fn no_page_calls_a_velocity_on_time_if_its_network_finds_it_late() {
-    let text = words(&page(&record()));
+    let text = words_outside_figures(&page(&record()));
     assert!(!text.contains("is on time"), "{text}");
     assert!(text.contains("The position is 143 ± 14 ms later than the velocity"), "{text}");
 }
@@ -275,7 +255,7 @@ fn no_page_calls_a_velocity_on_time_if_its_network_finds_it_late() {
 fn an_unknown_effect_has_no_table_of_helpful_frequencies() {
     let section = |record: &FlightRecord| {
         let html = page(record);
-        words(html.split("<h3>At which frequencies</h3>").nth(1).unwrap().split("<h2").next().unwrap())
+        words_outside_figures(html.split("<h3>At which frequencies</h3>").nth(1).unwrap().split("<h2").next().unwrap())
     };
     let helped = section(&record());
     assert!(
@@ -327,7 +307,7 @@ fn channels_without_a_datum_have_differences_but_no_lateness() {
     };
     let section = |relative_to| {
         let html = page(&FlightRecord { network: Some(network(relative_to)), ..record() });
-        words(html.split("<h2 id=\"network\">").nth(1).unwrap().split("<h2").next().unwrap())
+        words_outside_figures(html.split("<h2 id=\"network\">").nth(1).unwrap().split("<h2").next().unwrap())
     };
     assert!(section(None).contains("One lateness for each channel"));
     let relative = section(Some("velocity.ekf"));
@@ -338,7 +318,7 @@ fn channels_without_a_datum_have_differences_but_no_lateness() {
 #[test]
 fn a_campaign_shows_one_error_before_and_one_after() {
     let html = String::from_utf8(campaign_site(&campaign_record(4), &[]).files["index.html"].clone()).unwrap();
-    let head = words(
+    let head = words_outside_figures(
         html.split("<thead>").find(|part| part.contains("Error before")).unwrap().split("</thead>").next().unwrap(),
     );
     assert!(!head.contains("Error raw") && !head.contains("Error exact"), "{head}");

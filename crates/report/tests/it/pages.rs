@@ -2,6 +2,7 @@
 
 use crate::fixture::{self, campaign_record, failed_record, flight_record, parked_record};
 use crate::html::{Tag, points, read, shows};
+use crate::page_text::text;
 use record::{Curve, FlightRecord, Outcome};
 use report::{FlightPage, Site, campaign_site, flight_site};
 
@@ -17,10 +18,6 @@ fn site(record: &FlightRecord) -> Site {
         index_href,
         command: "flightlag campaign flights --out reports",
     })
-}
-
-fn text(site: &Site, path: &str) -> String {
-    String::from_utf8(site.files[path].clone()).unwrap()
 }
 
 fn page(record: &FlightRecord) -> String {

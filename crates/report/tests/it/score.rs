@@ -2,34 +2,15 @@
 
 use crate::fixture::{flight_record, onboard};
 use crate::html::read;
+use crate::page_text::{page, words};
 use record::{Finding, FlightRecord};
 use report::{FlightPage, flight_site};
-
-fn page(record: &FlightRecord) -> String {
-    let site = flight_site(&FlightPage {
-        name: "n",
-        record,
-        explorer: None,
-        has_details: false,
-        neighbours: [None; 2],
-        track_href: None,
-        index_href: "index.html",
-        command: "c",
-    });
-    String::from_utf8(site.files["index.html"].clone()).unwrap()
-}
 
 /// From the section's heading to the next one.
 fn section(record: &FlightRecord, id: &str) -> String {
     let html = page(record);
     let section = html.split(&format!("<h2 id=\"{id}\">")).nth(1).unwrap();
     section.split("<h2").next().unwrap().to_owned()
-}
-
-/// Page text without markup.
-fn words(html: &str) -> String {
-    let text: String = html.split('<').map(|part| part.split_once('>').map_or(part, |p| p.1)).collect();
-    text.replace('\u{a0}', " ")
 }
 
 #[test]
