@@ -290,6 +290,7 @@ fn answered(
     if let Some(network) = network {
         out.other_receivers = other_receivers(&out, network);
         out.words += &receivers_in_words(&out);
+        out.words += &velocities_in_words(&velocity, network);
     }
     let absolute = out.lateness.as_ref().is_some_and(|l| l.relative_to.is_none());
     let one_delay = matches!(out.kind, DelayKind::Constant | DelayKind::Scatters | DelayKind::NotTested);
@@ -420,6 +421,24 @@ fn other_receivers(out: &FlightLateness, network: &DelayNetwork) -> Vec<OtherRec
     };
     let others = network.channels.iter().filter(is_other);
     others.map(|c| OtherReceiver { channel: c.channel.clone(), lateness_s: c.lateness_s }).collect()
+}
+
+/// Other measured velocities that are not on time with the one that the position is compared with: another choice of
+/// velocity would give another delay.
+fn velocities_in_words(velocity: &str, network: &DelayNetwork) -> String {
+    let is_measured = |name: &str| name.starts_with("velocity.") && lineage_from_name(name) == Lineage::Measured;
+    if !is_measured(velocity) {
+        return String::new();
+    }
+    let names =
+        network.channels.iter().map(|c| c.channel.as_str()).filter(|name| *name != velocity && is_measured(name));
+    let apart = names.filter_map(|name| Some((name, difference(network, name, velocity)?)));
+    let differs = |d: &Estimate| d.value.abs() > ON_TIME_S.max(3.0 * d.standard_uncertainty.unwrap_or_default());
+    let one = |(name, d): (&str, Estimate)| {
+        let (size, word) = (Estimate { value: d.value.abs(), ..d }, if d.value < 0.0 { "earlier" } else { "later" });
+        format!(". {name} is {} ms {word} than {velocity}", in_ms(&size))
+    };
+    apart.filter(|(_, d)| differs(d)).map(one).collect()
 }
 
 fn receivers_in_words(out: &FlightLateness) -> String {

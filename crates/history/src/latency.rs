@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct LatencyLine {
-    /// Make and model of the receiver; `null` if unknown.
+    /// Make and model of the receiver. If they are unknown: `unknown receiver of map M`, or `null` without a group.
     pub receiver: Option<String>,
     /// Firmware of the receiver.
     pub firmware: Option<String>,
@@ -45,7 +45,11 @@ pub fn latency(latest: &[&Brief]) -> Vec<LatencyLine> {
     let mut lines: BTreeMap<Key, Vec<&Brief>> = BTreeMap::new();
     for row in latest.iter().copied().filter(|row| row.duplicate_of.is_none()) {
         if row.lateness_s.is_some() && row.lateness_u_s.is_some_and(|u| u > 0.0) {
-            let facts = [Dimension::Receiver, Dimension::Firmware, Dimension::Rate, Dimension::Baud].map(|d| row.of(d));
+            let [firmware, rate, baud] = [Dimension::Firmware, Dimension::Rate, Dimension::Baud].map(|d| row.of(d));
+            // Unknown receivers of different maps are different receivers.
+            let receiver =
+                row.of(Dimension::Receiver).or_else(|| Some(row.group.as_deref()?.split(", ").next()?.to_owned()));
+            let facts = [receiver, firmware, rate, baud];
             lines.entry((facts, row.datum.as_deref().unwrap_or_default().to_owned())).or_default().push(row);
         }
     }
@@ -102,6 +106,22 @@ mod tests {
         assert_eq!(short, [(2, 118_500.0), (1, 100_000.0)]);
         assert!((table[0].lateness_u_s - 0.002 / 2f64.sqrt()).abs() < 1e-9);
         assert_eq!(table[0].baud.as_deref(), Some("115200 baud"));
+    }
+
+    #[test]
+    fn unknown_receivers_of_two_maps_have_a_line_each() {
+        let row = |n: usize, map: &str, late_s: f64| Row {
+            flight: format!("{n}"),
+            group: Some(format!("unknown receiver of map {map}, 5 Hz, CSV")),
+            datum: Some("relative to velocity.gps".into()),
+            lateness_s: Some(late_s),
+            lateness_u_s: Some(0.002),
+            ..Row::default()
+        };
+        let briefs = [row(1, "a", 0.1), row(2, "b", 0.4), row(3, "a", 0.1)].map(|row| Brief::from(&row));
+        let lines = latency(&latest_briefs(&briefs));
+        let short: Vec<(&str, u64)> = lines.iter().map(|l| (l.receiver.as_deref().unwrap(), l.flights)).collect();
+        assert_eq!(short, [("unknown receiver of map a", 2), ("unknown receiver of map b", 1)]);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Wording of a lateness and of a difference, and other consequences of an answer.
 
-use super::{advice_in, fly, kind_of, other_receivers, receivers_in_words, unknown, words};
+use super::{advice_in, fly, kind_of, other_receivers, receivers_in_words, unknown, velocities_in_words, words};
 use crate::config::Pipeline;
 use crate::known_lateness::velocity_lateness_s;
 use crate::line::{DelayLine, LineParts};
@@ -99,6 +99,23 @@ fn another_receiver_with_a_different_delay_is_reported() {
     assert_eq!(others("position.gps-2", 0.201), "");
     assert_eq!(others("position.ekf", 0.01), "");
     assert_eq!(others("position.truth", 0.0), "");
+}
+
+#[test]
+fn another_velocity_at_another_time_is_reported() {
+    let against = |velocity: &str, delay_s: f64| {
+        PairObservation::measured(DelayPairKind::PositionAgainstVelocity, "position.gps", velocity, delay_s, 0.0005)
+    };
+    let others = |first: &str, second: &str, delay_s: f64| {
+        let pairs = [against(first, 0.23), against(second, delay_s)];
+        velocities_in_words(first, &solve(&pairs, &lineage_from_name, &NetworkSettings::default()).unwrap())
+    };
+    let later = others("velocity.plain", "velocity.gps", 0.08);
+    assert!(later.starts_with(". velocity.gps is 150") && later.ends_with("ms later than velocity.plain"), "{later}");
+    assert!(others("velocity.plain", "velocity.gps", 0.33).ends_with("ms earlier than velocity.plain"));
+    assert_eq!(others("velocity.plain", "velocity.gps", 0.231), "");
+    assert_eq!(others("velocity.plain", "velocity.ekf", 0.08), "", "the output of a filter has no single delay");
+    assert_eq!(others("velocity.ekf", "velocity.gps", 0.08), "");
 }
 
 #[test]
