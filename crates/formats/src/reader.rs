@@ -44,6 +44,8 @@ pub struct TableHead {
     pub names: Vec<String>,
     /// The cells of the line of units, as written; empty if there is no such line.
     pub units: Vec<String>,
+    /// The line that names the columns, if it is not the header because of a line above it.
+    pub unused_names: Option<u64>,
 }
 
 impl TableHead {

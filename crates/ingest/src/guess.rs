@@ -80,6 +80,12 @@ pub(crate) fn any_headerless(heads: &[TableHead]) -> bool {
 
 /// Why tables whose names match nothing are not bound, and what to do about it.
 pub(crate) fn why_nameless(heads: &[TableHead]) -> String {
+    if let Some((topic, line)) = heads.iter().find_map(|head| Some((&head.topic, head.unused_names?))) {
+        return format!(
+            "line {line} of {topic} names the columns, and because of the line above it, it is not the header: delete \
+             what is above line {line}"
+        );
+    }
     if any_headerless(heads) {
         return "the table has no header; `flightlag maps --suggest LOG` writes a channel map if its columns move \
             like a position and a velocity"

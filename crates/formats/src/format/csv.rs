@@ -213,7 +213,13 @@ impl Reading<'_> {
         self.formats.push(format!("CSV, {}", layout.describe()));
         if layout.header_line.is_none() {
             let severity = if layout.only_numbers { Severity::Info } else { Severity::Warning };
-            let text = "no header row: columns are called column_1, column_2, ...";
+            let text = match layout.unused_names {
+                None => "no header row: columns are called column_1, column_2, ...".to_owned(),
+                Some(line) => format!(
+                    "line {line} names the columns and is not used, because of the line above it: delete what is above \
+                     line {line}; columns are called column_1, column_2, ..."
+                ),
+            };
             self.accounting.notices.push(Code::ColumnRenamed.at(severity), open.name, 1, text);
         }
         if layout.renamed > 0 && layout.header_line.is_some() {
@@ -245,6 +251,7 @@ impl Reading<'_> {
         device.kept_as_text().into_iter().for_each(|path| topic.keep_text(path));
         self.devices.insert(topic.info.name.clone(), (device, selection));
         topic.decimal = layout.decimal;
+        topic.unused_names = layout.unused_names;
         topic
     }
 

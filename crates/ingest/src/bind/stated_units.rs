@@ -112,6 +112,7 @@ mod tests {
             topic: "csv".into(),
             names: vec!["t".into(), "speed [kn]".into()],
             units: units.iter().map(|unit| (*unit).to_owned()).collect(),
+            unused_names: None,
         };
         assert!(is_of_name(&head(&[]), "speed [kn]", "kn"));
         assert!(!is_of_name(&head(&[]), "speed [kn]", "m/s"), "the unit is that of another place");

@@ -505,7 +505,7 @@ mod tests {
     use super::*;
 
     fn of(name: &str) -> Option<(Role, String, Option<&'static str>)> {
-        let head = TableHead { topic: "t".into(), names: vec![name.to_owned()], units: vec![] };
+        let head = TableHead { topic: "t".into(), names: vec![name.to_owned()], units: vec![], unused_names: None };
         named(&head, name).map(|n| (n.role, n.source, n.unit.map(Unit::symbol)))
     }
 

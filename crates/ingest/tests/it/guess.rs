@@ -666,6 +666,17 @@ fn times_that_are_missing_or_shuffled_are_named() {
 }
 
 #[test]
+fn names_below_a_line_of_groups_are_pointed_out() {
+    let text = table("GPS,,,,INS,,\nTime,Lat,Lon,Alt,Vn,Ve,Vd", |t, [a, b, h], [n, e, u]| {
+        format!("{t:.1},{:.9},{:.9},{h:.3},{n:.4},{e:.4},{:.4}", deg(a), deg(b), -u)
+    });
+    let loaded = load_text(&text);
+    let why = loaded.binding.as_ref().unwrap_err();
+    assert!(why.contains("line 2 of own names the columns") && why.contains("delete what is above line 2"), "{why}");
+    assert_eq!(count_saying(&loaded, "column-renamed", "line 2 names the columns and is not used"), 1);
+}
+
+#[test]
 fn a_steadily_rising_column_is_the_time_under_an_unknown_name() {
     let text = table("Nr;Zeit;Lat;Lon;Alt;VN;VE;VD", |t, [a, b, h], [n, e, u]| {
         let nr = (10.0 * t).round();

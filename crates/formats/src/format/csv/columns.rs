@@ -24,6 +24,8 @@ pub(super) struct Topic {
     pub(super) names: Vec<String>,
     /// The cells of the units line.
     pub(super) units: Vec<String>,
+    /// As in [`TableHead`].
+    pub(super) unused_names: Option<u64>,
     /// The number of fields per row.
     pub(super) width: usize,
     /// Decimal separator.
@@ -269,7 +271,12 @@ impl Topic {
 
     /// The header.
     pub(super) fn head(&self) -> TableHead {
-        TableHead { topic: self.info.name.clone(), names: self.names.clone(), units: self.units.clone() }
+        TableHead {
+            topic: self.info.name.clone(),
+            names: self.names.clone(),
+            units: self.units.clone(),
+            unused_names: self.unused_names,
+        }
     }
 
     /// The table, if any of it was wanted.

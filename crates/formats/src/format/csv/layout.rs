@@ -51,6 +51,8 @@ pub(super) struct TableLayout {
     pub(super) header_line: Option<u64>,
     /// Line of the units, if there is one.
     pub(super) units_line: Option<u64>,
+    /// The line that names the columns, if it is not the header because of a line above it.
+    pub(super) unused_names: Option<u64>,
     /// The line of the first row.
     pub(super) first_row_line: u64,
     /// The first line and the number of rows of another table before the header.
@@ -273,6 +275,12 @@ struct Rows<'s> {
 }
 
 impl<'s> Rows<'s> {
+    /// The line above the first number that names the columns, below others, such as groups of columns.
+    fn unused_names(&self) -> Option<u64> {
+        let words = self.all.iter().take_while(|row| !row.has_number(self.decimal));
+        words.filter(|row| self.fits(&row.fields) && row.names_columns(self.decimal)).last().map(|row| row.line)
+    }
+
     /// The lines with the names and units of the columns.
     fn head(&self, sample: &'s [Sampled]) -> (Option<&'s Sampled>, Option<&'s Sampled>) {
         // If a remark names the columns, dates and times in words below it are not names.
@@ -382,6 +390,7 @@ fn lay_out(sample: &[Sampled], delimiter: u8) -> Option<(usize, TableLayout)> {
         renamed,
         header_line: header.map(|h| h.line),
         units_line: units.map(|u| u.line),
+        unused_names: rows.unused_names().filter(|_| header.is_none()),
         first_row_line: if header.is_none() { 1 } else { last_before + 1 },
         other_rows: header.and_then(|h| other_rows(rows.all.iter().take_while(|r| r.line < h.line), decimal)),
         regular,
