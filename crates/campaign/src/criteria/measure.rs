@@ -251,18 +251,19 @@ impl<'a> Subject<'a> {
         known(&self.pair(DelayPairKind::PositionAgainstVelocity)?.delay)
     }
 
-    /// The delay of position against velocity. For the pair that the answer is based on, the interval is at least as
-    /// wide as the answer's, which includes effects outside the channel models.
+    /// The delay of position against velocity. For the pair that the answer is based on, U and interval are at least as
+    /// large as the answer's, which include effects outside the channel models.
     fn position_delay(&self) -> Result<Reading, String> {
         let pair = self.pair(DelayPairKind::PositionAgainstVelocity)?;
         let found = known(&pair.delay)?;
         let of_answer = self.record.lateness.as_ref().filter(|l| {
             l.position.as_deref() == Some(pair.first.as_str()) && l.velocity.as_deref() == Some(pair.second.as_str())
         });
-        let half_s = of_answer.and_then(|l| l.position_minus_velocity_s?.standard_uncertainty).map_or(0.0, |u| 2.0 * u);
+        let u = of_answer.and_then(|l| l.position_minus_velocity_s?.standard_uncertainty).unwrap_or(0.0);
         let [low, high] = found.interval_95_s;
-        let value = found.delay_s.value;
-        Ok(Reading::within(found.delay_s, [low.min(value - half_s), high.max(value + half_s)]))
+        let Estimate { value, standard_uncertainty } = found.delay_s;
+        let delay_s = Estimate { value, standard_uncertainty: standard_uncertainty.map(|own| own.max(u)) };
+        Ok(Reading::within(delay_s, [low.min(value - 2.0 * u), high.max(value + 2.0 * u)]))
     }
 
     fn score(&self) -> Result<&'a CompensatorScore, String> {

@@ -418,7 +418,10 @@ fn the_delay_is_judged_with_the_uncertainty_of_the_answer_if_larger() {
     let finding = judged(&one("delay", "at_most = \"421 ms\""), &record);
     assert_eq!(finding.verdict, CriterionVerdict::Inconclusive);
     let finding = judged(&one("delay", "at_most = \"440 ms\""), &record);
-    assert_eq!((finding.verdict, finding.value.unwrap().value), (CriterionVerdict::Pass, 0.4));
+    assert_eq!(
+        (finding.verdict, finding.value),
+        (CriterionVerdict::Pass, Some(Estimate { value: 0.4, standard_uncertainty: Some(0.02) }))
+    );
     let other = judged(&one("delay", "at_most = \"521 ms\"\nchannel = \"position.ins\""), &record);
     assert_eq!(other.verdict, CriterionVerdict::Pass, "the answer does not rest on this pair");
 }

@@ -421,11 +421,13 @@ catalogue! {
         DelayDiffersBetweenParts, "delay-differs-between-parts", Grey,
             "The delay differs between parts of the flight by less than the limit for a change.", "Nothing.";
         DelayWindowsScatter, "delay-windows-scatter", Grey,
-            "The windows of the delay scatter by more than their uncertainties, and the test for a change found none. U includes the \
-             scatter.",
+            "The windows of the delay scatter by more than their uncertainties. The text says whether a change was looked for. U \
+             includes the scatter.",
             "Nothing.";
         DelayRemark, "delay-remark", Grey,
-            "The fit was made with a restriction that U includes, such as a mean over a flight. The text names it.", "Nothing.";
+            "A fact about the delay: the change that would have been seen, a slow trend, an antenna offset, or a restriction that U \
+             includes.",
+            "Nothing.";
         Companion, "companion", Grey,
             "The file has no position of its own vehicle, so it is not a flight. The text says what it holds.", "Nothing.";
     }
