@@ -170,7 +170,7 @@ fn times_apart(sources: &[TableColumns<'_>]) -> Option<String> {
     let (one, next) = sources.iter().zip(sources.iter().skip(1)).find(is_same)?;
     let (one, next) = (one.timings.first()?, next.timings.first()?);
     Some(format!(
-        "each column was read with the time on its left, {} or {}: if these are not one clock, split the table or state \
+        "each column was read with the time next to it, {} or {}: if these are not one clock, split the table or state \
          the time of each channel in a channel map",
         one.label, next.label
     ))

@@ -13,7 +13,7 @@ const DRIFT: f64 = 1e-3;
 /// counts.
 type Blocks = (Vec<(Vec<Named>, Vec<Timing>)>, Option<String>);
 
-/// Columns belong to the time on their left, if the times of a table are not those of the same instants.
+/// Columns belong to the time next to them, usually on their left, if the times of a table are not those of the same instants.
 pub(super) fn blocks(table: &Table, named: Vec<Named>) -> Blocks {
     let whole = timings(table, &named);
     let all = side_by_side(table, &named);
@@ -47,16 +47,22 @@ fn unclear(first: &Timing, other: Option<&Timing>) -> String {
 
 fn of_its_own(timing: Timing, first: &Timing, by_s: f64) -> Timing {
     let side = if by_s < 0.0 { "before" } else { "after" };
-    let note = format!("on the left of its columns, {:.3} s {side} {}; taken as one clock", by_s.abs(), first.label);
+    let note = format!("next to its columns, {:.3} s {side} {}; taken as one clock", by_s.abs(), first.label);
     Timing { label: format!("{} ({note})", timing.label), why: format!("{}; {note}", timing.why), ..timing }
 }
 
-/// Times, each with the columns on its right and its readings. A time that cannot be read begins no block.
+/// Times, each with the columns next to it and its readings. A time that cannot be read begins no block.
 fn side_by_side(table: &Table, named: &[Named]) -> Vec<(Vec<Named>, Vec<Timing>)> {
     let is_time = |column: &Named| matches!(column.role, Role::Time | Role::Week);
+    // Times at the right end are on the right of their columns.
+    let is_mirrored = named.first().is_some_and(|c| !is_time(c)) && named.last().is_some_and(is_time);
+    let mut ordered: Vec<&Named> = named.iter().collect();
+    if is_mirrored {
+        ordered.reverse();
+    }
     let mut all: Vec<Vec<Named>> = vec![vec![]];
     let mut holds_values = false;
-    for column in named {
+    for column in ordered {
         let begins = is_time(column) && holds_values && all.last().is_some_and(|block| block.iter().any(is_time));
         if begins {
             all.push(vec![]);
@@ -64,11 +70,18 @@ fn side_by_side(table: &Table, named: &[Named]) -> Vec<(Vec<Named>, Vec<Timing>)
         holds_values = !is_time(column) || holds_values && !begins;
         all.last_mut().into_iter().for_each(|block| block.push(column.clone()));
     }
+    if is_mirrored {
+        all.iter_mut().for_each(|block| block.reverse());
+        all.reverse();
+    }
+    let is_only = all.len() == 1;
     let mut blocks: Vec<(Vec<Named>, Vec<Timing>)> = vec![];
     for columns in all {
-        let own = timings(table, &columns);
+        // Reading a time takes a while.
+        let is_needless = is_only || columns.iter().all(is_time);
+        let own = if is_needless { vec![] } else { timings(table, &columns) };
         match blocks.last_mut() {
-            Some((before, _)) if own.is_empty() || columns.iter().all(is_time) => before.extend(columns),
+            Some((before, _)) if own.is_empty() => before.extend(columns),
             _ => blocks.push((columns, own)),
         }
     }
@@ -107,7 +120,7 @@ fn relation(first: &Timing, other: &Timing) -> Relation {
 
 fn duration(timing: &Timing) -> f64 {
     let given = || timing.times_s.iter().copied().filter(|t| t.is_finite());
-    given().next().zip(given().last()).map_or(0.0, |(first, last)| last - first)
+    given().next().zip(given().next_back()).map_or(0.0, |(first, last)| last - first)
 }
 
 fn step(timing: &Timing) -> f64 {

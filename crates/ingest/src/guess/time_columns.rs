@@ -57,12 +57,14 @@ pub(super) fn timings(table: &Table, columns: &[Named]) -> Vec<Timing> {
     if let Some(date) = date {
         let times = of_role(Role::Time).filter(|c| c.path != date.path);
         let both = times.filter_map(|time| {
+            let clock = if is_gps_time(time) { ", clock = \"gps\"" } else { "" };
             let entry = format!(
-                "{{ date = {}, time = {} }}",
+                "{{ date = {}, time = {}{clock} }}",
                 super::names::quoted(&date.path),
                 super::names::quoted(&time.path)
             );
-            let label = format!("{} and {}", date.path, time.path);
+            let by_name = if clock.is_empty() { "" } else { ", clock gps by its name" };
+            let label = format!("{} and {}{by_name}", date.path, time.path);
             timing(table, (entry, label), "measured", "a column of dates and one of times".into(), true)
         });
         if let Some(found) = both.into_iter().next() {
@@ -188,11 +190,15 @@ fn is_hours_minutes_seconds(table: &Table, column: &Named) -> bool {
     ends().next().is_some() && all().all(fits) && ends().all(jumps)
 }
 
+/// Whether a column is called GPS time, which is ahead of UTC by the leap seconds.
+fn is_gps_time(column: &Named) -> bool {
+    let has = |any: &[&str]| column.words.iter().any(|word| any.contains(&word.as_str()));
+    (has(&["gpst", "gpstime"]) || has(&["gps", "gnss"]) && has(&["time"])) && !has(&["utc", "gmt"])
+}
+
 /// A date as text, in a column that is called GPS time.
 fn of_gps_text(table: &Table, column: &Named) -> Option<Timing> {
-    let has = |any: &[&str]| column.words.iter().any(|word| any.contains(&word.as_str()));
-    let is_gps_time = has(&["gpst", "gpstime"]) || has(&["gps", "gnss"]) && has(&["time"]);
-    if !is_gps_time || has(&["utc", "gmt"]) {
+    if !is_gps_time(column) {
         return None;
     }
     let field = super::names::quoted(&column.path);

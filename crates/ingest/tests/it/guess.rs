@@ -444,6 +444,13 @@ fn two_times_in_one_table_belong_to_the_columns_on_their_right() {
         assert_eq!(firsts, (0, 400_000_000), "{}", summary(&loaded));
         assert!(summary(&loaded).contains("0.400 s after") && summary(&loaded).contains("taken as one clock"));
     }
+    let mirrored = table("Vn,Ve,INS time [s],lat,lon,alt,GPS time [s]", |t, [a, b, h], _| {
+        let [n, e, _] = truth(t - 0.4).1;
+        format!("{n:.4},{e:.4},{:.1},{:.9},{:.9},{h:.3},{t:.1}", t - 0.4, deg(a), deg(b))
+    });
+    let mirrored = load_text(&mirrored);
+    let first = |quantity| super::guess::of(&mirrored, quantity).series.timeline().stamps()[0].0;
+    assert_eq!((first(Quantity::VelocityNed), first(Quantity::PositionGeodetic)), (-400_000_000, 0));
     // The same instants, by another kind of clock.
     let utc = |t: f64| format!("2026-05-10T10:{:02}:{:04.1}Z", (t / 60.0 + 1e-6) as i32, (t + 1e-6) % 60.0);
     let same = of("time [s],Vn,Ve,Vd,UTC,lat,lon,alt", &|t| (t, utc(t)));
@@ -474,6 +481,8 @@ fn gps_time_by_its_name_is_not_utc() {
     assert_eq!(clock_of("GPS Time", &date), utc.map(|utc| utc - 18));
     assert_eq!(clock_of("GPS Time", &|t| date(t) + "Z"), utc);
     assert_eq!(clock_of("GPS UTC time", &date), utc);
+    let parts = |t: f64| date(t).replace(' ', ",");
+    assert_eq!((clock_of("Date,Time", &parts), clock_of("Date,GPS Time", &parts)), (utc, utc.map(|utc| utc - 18)));
     for header in ["Week,TOW", "GPS week,GPS seconds", "GPS week [-],GPS seconds [s]", "Week,SOW"].into_iter().chain([
         "GPS Week,GPS Seconds of Week",
         "Week,Time of Week [s]",
