@@ -398,7 +398,10 @@ fn available_criteria_are_listed_and_a_file_is_checked() {
     let file = folder.path().join("mine.toml");
     fs::write(&file, run(["criteria", "--example"], 0).stdout).unwrap();
     let meant = text(&run(["criteria".as_ref(), file.as_os_str()], 0).stdout);
-    assert!(meant.starts_with("# mine.toml is valid; criteria: ") && meant.contains("metric = \"delay\""), "{meant}");
+    assert!(
+        meant.starts_with("# mine.toml is valid; criteria: ") && meant.contains("metric = \"lateness\""),
+        "{meant}"
+    );
 }
 
 /// The log of a campaign of one flight in this folder.

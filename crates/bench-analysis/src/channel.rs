@@ -53,7 +53,8 @@ pub(crate) fn dynamics(channel: &SensedChannel<'_>, bench: &Circumstances<'_>) -
         Err(error) => return ChannelDynamics { reason: error.to_string(), ..found },
     };
     let reference_std = updates.reference_std(channel);
-    found.model = model(&choose_lag_model_against(&measurements, &fit, &settings, &reference_std));
+    let step_s = signal::median_step(&updates.t).unwrap_or_default();
+    found.model = model(&choose_lag_model_against(&measurements, &fit, &settings, &reference_std), step_s);
     if let Some(reason) = no_answer(&measurements, &fit, &settings, found.model.found()) {
         let checks = Some(checks(&measurements, &fit, bench.search_s));
         return ChannelDynamics { reason, checks, model: Finding::CannotTell(NOT_TRIED.to_owned()), ..found };

@@ -161,7 +161,7 @@ fn swings_check(swings: u64, within: &str, [low, high]: [f64; 2]) -> GateCheck {
     let passed = swings >= GOOD_SWINGS;
     let text = match passed {
         true => format!("{swings} swings{within}; 90 % of the rate's power lies from {low:.2} to {high:.2} Hz"),
-        false => format!("{}{within}; {GOOD_SWINGS} or more are needed", counted(swings)),
+        false => format!("{}{within}; {GOOD_SWINGS} or more are recommended", counted(swings)),
     };
     check("number of swings", passed, text)
 }
@@ -300,8 +300,8 @@ mod tests {
 
     #[test]
     fn too_few_swings_are_reported_with_the_number_needed() {
-        assert_eq!(swings_check(2, "", [0.4, 1.2]).text, "2 swings; 10 or more are needed");
-        assert_eq!(swings_check(1, "", [0.4, 1.2]).text, "1 swing; 10 or more are needed");
+        assert_eq!(swings_check(2, "", [0.4, 1.2]).text, "2 swings; 10 or more are recommended");
+        assert_eq!(swings_check(1, "", [0.4, 1.2]).text, "1 swing; 10 or more are recommended");
         assert!(swings_check(10, "", [0.4, 1.2]).passed);
     }
 

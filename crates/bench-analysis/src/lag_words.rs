@@ -14,9 +14,9 @@ fn estimate(uncertain: Uncertain) -> Estimate {
     Estimate { value: uncertain.value, standard_uncertainty: Some(uncertain.standard_uncertainty) }
 }
 
-/// The choice for a record. There is no model if delay and lags together may be zero, or the lag ends at the shortest
-/// fitted value.
-pub(crate) fn model(choice: &LagChoice) -> Finding<ModelFinding> {
+/// The choice for a record, of a channel with samples `step_s` apart. There is no model if delay and lags together may
+/// be zero, or the lag ends at the shortest fitted value.
+pub(crate) fn model(choice: &LagChoice, step_s: f64) -> Finding<ModelFinding> {
     let Some(best) = choice.candidates.first() else {
         return Finding::CannotTell("no model of delay and lag could be fitted".to_owned());
     };
@@ -24,7 +24,8 @@ pub(crate) fn model(choice: &LagChoice) -> Finding<ModelFinding> {
     if best.sum_s.value.abs() < 2.0 * best.sum_s.standard_uncertainty || is_at_floor {
         return Finding::CannotTell("no delay found".to_owned());
     }
-    let chosen = choice.chosen.filter(|_| !is_impossible(best));
+    let is_impossible = is_impossible(best, step_s);
+    let chosen = choice.chosen.filter(|_| !is_impossible);
     let candidates = choice
         .candidates
         .iter()
@@ -36,7 +37,7 @@ pub(crate) fn model(choice: &LagChoice) -> Finding<ModelFinding> {
             gain: c.gains.first().map_or(Estimate { value: 1.0, standard_uncertainty: None }, |g| estimate(*g)),
         })
         .collect();
-    let text = if is_impossible(best) { OPPOSITE.to_owned() } else { text(choice, best) };
+    let text = if is_impossible { OPPOSITE.to_owned() } else { text(choice, best) };
     let chosen = chosen.map(|m| m.name().to_owned());
     Finding::Found(ModelFinding { candidates, chosen, text, sum_s: estimate(best.sum_s) })
 }
@@ -45,9 +46,10 @@ pub(crate) fn model(choice: &LagChoice) -> Finding<ModelFinding> {
 const OPPOSITE: &str = "no sensor: the best model is early by a delay and late by a lag. The reference has another shape \
                         than the channel: check soft iron, field, mount and lever arm";
 
-/// No sensor shows a value early and smears it.
-fn is_impossible(best: &LagCandidate) -> bool {
-    let is_early = |d: Uncertain| d.value + 2.0 * d.standard_uncertainty < 0.0;
+/// No sensor shows a value early and smears it. A digital filter is early by up to a sample against the continuous one
+/// that is fitted.
+fn is_impossible(best: &LagCandidate, step_s: f64) -> bool {
+    let is_early = |d: Uncertain| d.value + 2.0 * d.standard_uncertainty < -step_s;
     !best.lags_s.is_empty() && best.delay_s.is_some_and(is_early)
 }
 
@@ -150,7 +152,7 @@ mod tests {
     /// A channel with soft iron against the model of the field: e^{sT}/(1 + sτ) fits best, but no sensor is early by T.
     #[test]
     fn a_delay_and_a_lag_of_opposite_signs_are_no_sensor() {
-        let choice = |delay_ms: f64| {
+        let of = |delay_ms: f64, step_s: f64| {
             let uncertain = |ms: f64| Uncertain { value: 1e-3 * ms, standard_uncertainty: 1e-3 };
             let best = LagCandidate {
                 model: LagModel::DL,
@@ -161,9 +163,10 @@ mod tests {
                 sum_s: uncertain(38.0 + delay_ms),
                 delay_range_s: [0.0, 0.0],
             };
-            let finding = model(&LagChoice { candidates: vec![best], chosen: Some(LagModel::DL), rival: None });
+            let finding = model(&LagChoice { candidates: vec![best], chosen: Some(LagModel::DL), rival: None }, step_s);
             finding.found().unwrap().clone()
         };
+        let choice = |delay_ms: f64| of(delay_ms, 0.0);
         let impossible = choice(-25.0);
         assert_eq!(impossible.chosen, None);
         assert!(impossible.text.contains("no sensor") && impossible.text.contains("soft iron"), "{}", impossible.text);
@@ -171,5 +174,7 @@ mod tests {
         assert!(reason.starts_with("late: ") && reason.contains("as a model: no sensor"), "{reason}");
         assert_eq!(choice(25.0).chosen.as_deref(), Some("DL"));
         assert_eq!(choice(-1.5).chosen.as_deref(), Some("DL"), "may be zero");
+        // y += a (x − y) at 100 Hz is early by half a sample against the lag that is fitted.
+        assert_eq!((of(-5.0, 0.01).chosen.as_deref(), of(-5.0, 0.001).chosen), (Some("DL"), None));
     }
 }

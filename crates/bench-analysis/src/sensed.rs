@@ -135,20 +135,29 @@ pub(crate) fn measurement<'m>(component: &SensedComponent<'m>, t: &'m [f64], y: 
     }
 }
 
-/// Mean over all rows of the age of the repeated update, s.
+/// An age above this many usual intervals between updates is an outage, and not a property of the sensor.
+const OUTAGE_INTERVALS: f64 = 2.5;
+
+/// Mean over all rows of the age of the repeated update, s, without outages.
 fn mean_age(t: &[f64], updates: &[usize]) -> Option<f64> {
     let first = *updates.first()?;
+    let instants: Vec<f64> = updates.iter().filter_map(|&row| t.get(row).copied()).collect();
+    let longest_s = signal::median_step(&instants).map_or(f64::INFINITY, |usual| OUTAGE_INTERVALS * usual);
     let mut newest = first;
     let mut next = updates.iter().copied().peekable();
-    let mut sum = 0.0;
+    let (mut sum, mut rows) = (0.0, 0_u32);
     for row in first..t.len() {
         if next.peek() == Some(&row) {
             newest = row;
             next.next();
         }
-        sum += t[row] - t[newest];
+        let age_s = t[row] - t[newest];
+        if age_s <= longest_s {
+            sum += age_s;
+            rows += 1;
+        }
     }
-    Some(sum / (t.len() - first) as f64)
+    Some(sum / f64::from(rows))
 }
 
 #[cfg(test)]
@@ -162,5 +171,12 @@ mod tests {
         let updates: Vec<usize> = (0..40).step_by(4).collect();
         assert!((mean_age(&t, &updates).unwrap() - 0.015).abs() < 1e-12);
         assert_eq!(mean_age(&t, &[]), None);
+        // Former bug: a receiver that stopped for the second half was "as seen" as late as the outage was long. Of the last
+        // update, ages of up to 2.5 intervals count: 11 rows from 0 to 100 ms.
+        let stopped: Vec<usize> = (0..20).step_by(4).collect();
+        let of_four_updates = 4.0 * 0.06;
+        let of_the_last = 0.01 * 55.0;
+        let expected = (of_four_updates + of_the_last) / (16.0 + 11.0);
+        assert!((mean_age(&t, &stopped).unwrap() - expected).abs() < 1e-12);
     }
 }

@@ -95,19 +95,21 @@ fn band(kind: CompensatorKind, delay_s: f64, step_s: f64) -> Option<String> {
     let band = ValidityBand::of(model, Delays::of_position(delay_s), HELP)?;
     // A loop cannot see motion above half its rate.
     let nyquist_hz = 0.5 / step_s;
+    let highest_hz = 1.0 / delay_s;
     let up_to = |hz: Option<f64>| match hz {
         None => "nowhere".to_owned(),
         Some(hz) if hz > nyquist_hz => format!("up to {nyquist_hz:.2} Hz, half the rate of the loop"),
+        Some(hz) if hz >= highest_hz => format!("up to {hz:.2} Hz (1/Td, the highest frequency examined)"),
         Some(hz) => format!("up to {hz:.2} Hz"),
     };
     let worse = match band.worse_above_hz {
         None => "never worse than raw below 1/Td".to_owned(),
         Some(hz) if hz > nyquist_hz => "nowhere worse than raw".to_owned(),
-        Some(hz) => format!("worse than raw from {hz:.2} Hz on"),
+        Some(hz) => format!("first worse than raw at {hz:.2} Hz"),
     };
     Some(format!(
-        "in a loop of {step_s} s: removes 90 % of the error {}, half of it {}, {worse} (velocity on time, a new position \
-         in every step; a position that is held lags by its age)",
+        "in a loop of {step_s} s: removes 90 % of the error {}, half of it {}, {worse} (delay exactly right, velocity on time, a new \
+         position in every step; a position that is held lags by its age)",
         up_to(band.helps_below_hz),
         up_to(band.halves_below_hz)
     ))

@@ -38,7 +38,8 @@ impl BenchRecord {
         let findings = || self.findings.iter();
         let contradicted = self.notices.iter().filter(|n| n.code == Code::RigContradicted);
         let stated = contradicted.filter(|n| [ENCODER_SIGN, SIDE_OF_PIVOT].contains(&n.place.as_str()));
-        let checks = findings().flat_map(|f| &f.mount.checks).filter(|c| c.contradicts_rig() && counts(c));
+        let checks =
+            findings().flat_map(|f| &f.mount.checks).filter(|c| (c.contradicts_rig() || c.is_reversed()) && counts(c));
         let encoder = findings().flat_map(|f| &f.gate.checks).filter(|c| c.is_of_wrong_motion());
         let of_notices = stated.map(|n| n.text.clone());
         let of_gate = encoder.map(|c| format!("{}: {}", c.name, c.text));
@@ -63,6 +64,16 @@ impl MountCheck {
         self.of_rig && self.agrees == Some(false)
     }
 
+    /// Whether the zero or the azimuth by one channel is turned by more than 90° from that of the others: a sign or an
+    /// axis of one of them is reversed, and it is unknown of which.
+    #[must_use]
+    pub fn is_reversed(&self) -> bool {
+        let is_of_data = self.unit == "rad" && !self.of_rig && self.agrees == Some(false);
+        let is_common = ["azimuth by ", "encoder zero by "].iter().any(|start| self.name.starts_with(start));
+        let apart = self.fitted.found().zip(self.stated).map(|(fitted, stated)| (fitted.value - stated).cos());
+        is_of_data && is_common && apart.is_some_and(|cosine| cosine < 0.0)
+    }
+
     /// `lever arm z of imu: 1.201 ± 0.004 m by the data, 1.3 m by the rig file`.
     fn in_words(&self) -> String {
         let (Finding::Found(fitted), Some(stated)) = (&self.fitted, self.stated) else {
@@ -73,7 +84,16 @@ impl MountCheck {
         let u = fitted.standard_uncertainty.map_or(0.0, |u| 2.0 * u * factor);
         let digits = if u > 0.0 { decimals_of(u) } else { 3 };
         let [fitted, stated] = [fitted.value, stated].map(|value| fixed(value * factor, digits));
-        format!("{}: {fitted} ± {u:.digits$} {unit} by the data, {stated} {unit} by the rig file", self.name)
+        match self.is_reversed() {
+            true => format!(
+                "{}: {fitted} ± {u:.digits$} {unit}, and {stated} {unit} by the others. A sign or an axis of one channel is \
+                 reversed",
+                self.name
+            ),
+            false => {
+                format!("{}: {fitted} ± {u:.digits$} {unit} by the data, {stated} {unit} by the rig file", self.name)
+            }
+        }
     }
 }
 
@@ -166,5 +186,18 @@ mod tests {
         assert!(check.contradicts_rig());
         assert!(!MountCheck { of_rig: false, ..check.clone() }.contradicts_rig());
         assert!(!MountCheck { agrees: None, ..check }.contradicts_rig());
+        let azimuth = |fitted: f64, of_rig: bool| MountCheck {
+            name: "azimuth by position.gps".into(),
+            unit: "rad".into(),
+            fitted: Finding::Found(Estimate { value: fitted, standard_uncertainty: Some(0.02) }),
+            stated: Some(2.2334),
+            agrees: Some(false),
+            of_rig,
+            text: String::new(),
+        };
+        assert!(azimuth(5.3629, false).is_reversed() && !azimuth(5.3629, true).is_reversed());
+        assert!(!azimuth(2.4, false).is_reversed(), "10° are no reversed sign");
+        let words = "azimuth by position.gps: 307.3 ± 2.3 °, and 128.0 ° by the others. A sign or an axis of one channel is reversed";
+        assert_eq!(azimuth(5.3629, false).in_words(), words);
     }
 }

@@ -12,7 +12,7 @@ use record::{
 };
 use settings::SettingsError;
 use signal::{Mean, Reading, mean_of, outliers};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
 const METHOD: &str = "Each channel against the motion of the bar, smoothed from the encoder: generalised least squares \
@@ -63,7 +63,8 @@ pub fn combine(records: &[(String, BenchRecord)], terms: &CardTerms<'_>) -> Resu
     let sensor = one_sensor(records)?;
     let analysis_version = one_analysis((first_name, first), records)?;
     let mut notices = Notices::new();
-    let usable: Vec<&(String, BenchRecord)> = records.iter().filter(|r| is_usable(r, &mut notices)).collect();
+    let mut usable: Vec<&(String, BenchRecord)> = records.iter().filter(|r| is_usable(r, &mut notices)).collect();
+    leave_out_copies(&mut usable, &mut notices);
     let names: BTreeSet<&str> = usable.iter().flat_map(|(_, r)| channels(r)).map(|c| c.name.as_str()).collect();
     let mut left_out = vec![];
     let several: Vec<Several<'_>> =
@@ -166,6 +167,21 @@ fn is_usable((name, record): &(String, BenchRecord), notices: &mut Notices) -> b
     };
     notices.push(Code::LeftOffCard, name, 1, format!("not on the card: {reason}"));
     false
+}
+
+/// A copy of a recording is not another measurement.
+fn leave_out_copies(usable: &mut Vec<&(String, BenchRecord)>, notices: &mut Notices) {
+    let mut known: BTreeMap<Vec<&str>, &str> = BTreeMap::new();
+    usable.retain(|(name, record)| {
+        let content: Vec<&str> = record.logs.iter().flat_map(|log| &log.inputs).map(|i| i.blake3.as_str()).collect();
+        let first = known.get(&content).copied().filter(|_| !content.is_empty());
+        if let Some(first) = first {
+            notices.push(Code::LeftOffCard, name, 1, format!("not on the card: a copy of {first}"));
+        } else {
+            known.insert(content, name);
+        }
+        first.is_none()
+    });
 }
 
 /// A channel of a record that is excluded from the mean, and why.

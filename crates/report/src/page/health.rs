@@ -322,7 +322,7 @@ fn topic_stamps(stamps: &StampHealth, messages: u64) -> Markup {
         (stamps.kind) " (" (shown(&stamps.source)) "), " (stamps.clock)
         @if let Some(rate) = stamps.rate_hz { ", " (number::significant(rate, 4)) " Hz" }
         @else if stamps.steps_s.is_some() { ", half or more of them at once" }
-        @if stamps.count < messages { ", " (number::count(stamps.count)) " of the messages have a time" }
+        @if stamps.count < messages { ", from " (number::count(stamps.count)) " of the messages" }
         @if stamps.gap_count > 0 { ", " (number::counted(stamps.gap_count, "gap", "gaps")) }
         @if let Some(gap) = stamps.gaps.first() { ", longest " (number::significant(gap.length_s, 3)) " s" }
         @if stamps.back_jumps > 0 { ", " (number::counted(stamps.back_jumps, "step", "steps")) " back" }

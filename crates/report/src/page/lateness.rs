@@ -162,10 +162,12 @@ fn tested(record: &FlightRecord) -> Option<Tested<'_>> {
 fn todo(record: &FlightRecord, lateness: &FlightLateness) -> Markup {
     let advice = &lateness.advice;
     let tested = tested(record).filter(|_| !lateness.kind.varies());
+    let is_contradicted = record.decision.as_ref().is_some_and(|decision| decision.contradicted.is_some());
     html! {
         @if lateness.kind.varies() && advice.set.is_empty() { "Do not set one delay: it changes during the flight." }
         @else if let Some(tested) = tested.as_ref().filter(|_| advice.set.is_empty()) {
-            @if tested.agrees() { "Nothing to set: the delay that was removed agrees with " code { (shown(tested.reference)) } "." }
+            @if tested.agrees() && is_contradicted { "The delay that was removed agrees with " code { (shown(tested.reference)) } ", but see the alarm below." }
+            @else if tested.agrees() { "Nothing to set: the delay that was removed agrees with " code { (shown(tested.reference)) } "." }
             @else { "Remove " b { (estimate(&in_millis(&tested.best_s))) "\u{a0}ms" } " instead: the error against " code { (shown(tested.reference)) } " is least there." }
         } @else if advice.set.is_empty() && advice.fly.is_none() {
             @match lateness.lateness.as_ref().and_then(|l| l.relative_to.as_deref()) {
@@ -235,8 +237,15 @@ fn removed(record: &FlightRecord, decision: &Decision) -> Markup {
     }
 }
 
-/// The text with a capital first letter.
+/// The text with a capital first letter, unless it begins with the name of a file or of a channel.
 fn capitalised(words: &str) -> String {
+    let is_name = words
+        .split_whitespace()
+        .next()
+        .is_some_and(|first| first.trim_end_matches([':', '.', ',']).contains(['.', '_', '/']));
+    if is_name {
+        return words.to_owned();
+    }
     let mut letters = words.chars();
     letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
 }

@@ -36,6 +36,17 @@ fn a_card_of_one_record_is_that_record() {
     assert_eq!(parse_card(&card_text(card), Path::new("c")).unwrap(), *card);
 }
 
+/// Former bug: three copies of one file were three records, and U was smaller than that of the file alone.
+#[test]
+fn a_copy_of_a_recording_is_left_out_and_reported() {
+    let mut all = runs(&[400.0, 404.0, 400.0]);
+    all[2].1.logs = all[0].1.logs.clone();
+    let combined = combine(&all, &TERMS).unwrap();
+    assert_eq!(combined.card.channels[0].records, 2);
+    let copy = combined.notices.iter().find(|n| n.place == "swing-03").unwrap();
+    assert_eq!((copy.code.as_str(), copy.text.as_str()), ("left-off-card", "not on the card: a copy of swing-01"));
+}
+
 #[test]
 fn records_that_differ_by_more_than_stated_widen_the_uncertainty() {
     let combined = combine(&runs(&[390.0, 400.0, 410.0]), &TERMS).unwrap();
