@@ -21,6 +21,7 @@ use crate::surroundings::{Surroundings, place_of};
 use flight::with_minus;
 use flight::{Channel, Clock, Code, Flight, Notices, Quantity, Stamp};
 use jiff::civil::Date;
+use rayon::prelude::*;
 use record::{
     BenchFindings, ChannelDynamics, ClockFinding, ComponentDynamics, Estimate, Finding, GateCheck, ReferenceFinding,
     RigGeometry, RigPart, TimeBasis,
@@ -349,7 +350,8 @@ fn channels(
         let sensed = SensedChannel { name: &found.name, channel, t: found.t_s.clone(), time, hidden, components };
         Some(dynamics(&sensed, &circumstances))
     };
-    references.channels.iter().filter_map(of).collect()
+    // In the pool of the caller, so that a single record also uses its threads.
+    references.channels.par_iter().filter_map(of).collect()
 }
 
 /// Samples of the channels whose true instant is within a gap of the encoder.

@@ -25,9 +25,9 @@ use signal::{
 /// Lags of the autocorrelation that are shown and tested.
 const ACF_LAGS: usize = 40;
 /// Number of points of the objective's curve over the whole search.
-const OBJECTIVE_POINTS: usize = 161;
+const OBJECTIVE_POINTS: usize = 101;
 /// Number of points of its curve near the minimum, which is nearly a parabola.
-const NEAR_POINTS: usize = 41;
+const NEAR_POINTS: usize = 31;
 /// The objective near its minimum is drawn up to this many standard uncertainties to either side.
 const NEAR_U: f64 = 5.0;
 

@@ -14,8 +14,12 @@ use std::path::{Path, PathBuf};
 pub(crate) fn run(arguments: &DemoArguments, stop: &Stop) -> Result<End, Failure> {
     let (flights, bench) = (arguments.folder.join("flights"), arguments.folder.join("bench"));
     let failed = |e: SimulateError| Failure::new(Exit::Failed, e.to_string());
-    let written = simulate::write_demo(&flights, arguments.seed).map_err(failed)?;
-    let swings = simulate::write_bench_demo(&bench, arguments.seed).map_err(failed)?;
+    let (written, swings) = std::thread::scope(|threads| {
+        let swings = threads.spawn(|| simulate::write_bench_demo(&bench, arguments.seed));
+        let written = simulate::write_demo(&flights, arguments.seed);
+        (written, swings.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+    });
+    let (written, swings) = (written.map_err(failed)?, swings.map_err(failed)?);
     let truth = |what: &str, n: usize, folder: &Path| {
         format!("{} in {}, the truth in {}", count(n as u64, what), folder.display(), simulate::TRUTH_FILE)
     };
