@@ -75,7 +75,7 @@ fn text(choice: &LagChoice, best: &LagCandidate) -> String {
     }
 }
 
-/// The numbers of the chosen model, if it has a lag: `a first-order lag of 300.1 ± 2.4 ms (k = 2)`.
+/// The numbers of the chosen model, if it has a lag: `a first-order lag of 300.1 ± 2.4 ms (k = 2, of the fit alone)`.
 pub(crate) fn lag_in_words(model: &ModelFinding) -> Option<String> {
     let chosen = model.candidates.iter().find(|c| Some(&c.name) == model.chosen.as_ref())?;
     let number = |e: &Estimate| match e.standard_uncertainty {
@@ -88,7 +88,7 @@ pub(crate) fn lag_in_words(model: &ModelFinding) -> Option<String> {
         lags => format!("lags of {}", lags.iter().map(number).collect::<Vec<_>>().join(" and ")),
     };
     let delay = chosen.delay_s.as_ref().map(|d| format!("a delay of {} and ", number(d))).unwrap_or_default();
-    Some(format!("{delay}{lags} (k = 2), so slow motion is {} late", number(&model.sum_s)))
+    Some(format!("{delay}{lags} (k = 2, of the fit alone), so slow motion is {} late", number(&model.sum_s)))
 }
 
 /// The verdict, where a lag may make slow motion late although the best pure delay of this swing is within its margin.
