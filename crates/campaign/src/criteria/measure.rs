@@ -6,7 +6,8 @@ use crate::rate::rate_of;
 use flight::{ChannelHealth, LogHealth, Severity};
 use record::{
     ChannelLateness, CompensatorResult, CompensatorScore, DelayKind, DelayPairKind, DelaySource, DelaySweep, Estimate,
-    Finding, FlightRecord, MeasuredDelay, Outcome, PairDelay, ReferenceScore, ReplayRecord, SweepScore,
+    Finding, FlightLateness, FlightRecord, MeasuredDelay, Outcome, PairDelay, PairUse, ReferenceScore, ReplayRecord,
+    SweepScore,
 };
 
 /// A record, and the part of it that a criterion selects.
@@ -62,8 +63,8 @@ pub(super) fn measure(metric: Metric, of: &Subject<'_>) -> Result<Reading, Strin
         Metric::PositionResets => of.flown(|r| r.coverage.position_resets as f64),
         Metric::BridgedGaps => of.flown(|r| r.coverage.bridged_gaps as f64),
         Metric::Restarts => of.flown(|r| r.coverage.restarts as f64),
-        Metric::PositionRate => of.rate_of_position(),
-        Metric::VelocityRate => of.rate_of_velocity(),
+        Metric::PositionRate => of.rate_of_pair(|pair| &pair.position, |l| l.position.as_ref()),
+        Metric::VelocityRate => of.rate_of_pair(|pair| &pair.velocity, |l| l.velocity.as_ref()),
         Metric::ChannelRate => of.channel().and_then(|c| of.rate(&c.name)),
         Metric::ChannelLongestStep => of.channel().and_then(longest_step),
         Metric::ChannelUsedShare => of.channel().and_then(used_share),
@@ -157,16 +158,15 @@ impl<'a> Subject<'a> {
         Ok(Reading::plain(rate))
     }
 
-    fn rate_of_position(&self) -> Result<Reading, String> {
-        let replayed = self.record.replay.as_ref().map(|replay| replay.pair.position.as_str());
-        let measured = self.record.lateness.as_ref().and_then(|lateness| lateness.position.as_deref());
-        self.rate(replayed.or(measured).ok_or_else(|| no_replay(self.record))?)
-    }
-
-    fn rate_of_velocity(&self) -> Result<Reading, String> {
-        let replayed = self.record.replay.as_ref().map(|replay| replay.pair.velocity.as_str());
-        let measured = self.record.lateness.as_ref().and_then(|lateness| lateness.velocity.as_deref());
-        self.rate(replayed.or(measured).ok_or_else(|| no_replay(self.record))?)
+    /// Rate of the replayed channel; of the measured one where nothing was replayed.
+    fn rate_of_pair(
+        &self,
+        replayed: impl Fn(&'a PairUse) -> &'a String,
+        measured: impl Fn(&'a FlightLateness) -> Option<&'a String>,
+    ) -> Result<Reading, String> {
+        let replay = self.record.replay.as_ref().map(|replay| replayed(&replay.pair));
+        let channel = replay.or_else(|| measured(self.record.lateness.as_ref()?));
+        self.rate(channel.ok_or_else(|| no_replay(self.record))?)
     }
 
     fn compensator_called(&self, name: &str) -> Result<&'a CompensatorResult, String> {
@@ -369,7 +369,7 @@ fn names(channels: &[ChannelHealth]) -> String {
 
 /// Whether a pair is the replayed one, or compares one of its channels with another.
 fn is_of_replay(pair: &PairDelay, replay: &ReplayRecord) -> bool {
-    let record::PairUse { position, velocity, reference } = &replay.pair;
+    let PairUse { position, velocity, reference } = &replay.pair;
     let scored = |channel: &str| pair.first == channel && reference.as_ref() == Some(&pair.second);
     match pair.kind {
         DelayPairKind::PositionAgainstVelocity => pair.first == *position && pair.second == *velocity,

@@ -37,7 +37,7 @@ pub(super) fn blocks(table: &Table, named: Vec<Named>) -> Blocks {
 
 fn unclear(first: &Timing, other: Option<&Timing>) -> String {
     format!(
-        "the times {} and {} of one table count differently, and it is unknown which columns were measured at which: \
+        "the times {} and {} of one table count differently, and it is unknown which time applies to which columns: \
          split the table into one for each time, or state the time of each channel in a channel map, see `flightlag \
          maps --example`",
         first.label,

@@ -8,9 +8,9 @@ pub fn text(site: &Site, path: &str) -> String {
     String::from_utf8(site.files[path].clone()).unwrap()
 }
 
-/// The page of a flight.
-pub fn page(record: &FlightRecord) -> String {
-    let site = flight_site(&FlightPage {
+/// The site of a flight.
+pub fn site(record: &FlightRecord) -> Site {
+    flight_site(&FlightPage {
         name: "n",
         record,
         explorer: None,
@@ -19,8 +19,12 @@ pub fn page(record: &FlightRecord) -> String {
         track_href: None,
         index_href: "index.html",
         command: "c",
-    });
-    String::from_utf8(site.files["index.html"].clone()).unwrap()
+    })
+}
+
+/// The page of a flight.
+pub fn page(record: &FlightRecord) -> String {
+    text(&site(record), "index.html")
 }
 
 /// Page text without markup.

@@ -2,9 +2,8 @@
 
 use crate::fixture::{flight_record, onboard};
 use crate::html::read;
-use crate::page_text::{page, words};
+use crate::page_text::{page, site, text, words};
 use record::{Finding, FlightRecord};
-use report::{FlightPage, flight_site};
 
 /// From the section's heading to the next one.
 fn section(record: &FlightRecord, id: &str) -> String {
@@ -50,17 +49,7 @@ fn the_error_budget_is_shown_next_to_the_measured_error() {
 #[test]
 fn the_figure_of_the_bands_is_drawn_below_the_motion() {
     let record = flight_record();
-    let site = flight_site(&FlightPage {
-        name: "n",
-        record: &record,
-        explorer: None,
-        has_details: false,
-        neighbours: [None; 2],
-        track_href: None,
-        index_href: "index.html",
-        command: "c",
-    });
-    let svg = String::from_utf8(site.files["figures/bands.svg"].clone()).unwrap();
+    let svg = text(&site(&record), "figures/bands.svg");
     for part in [
         "velocity of this flight",
         "less than a tenth of raw",
