@@ -7,7 +7,7 @@ mod file;
 mod identity;
 mod iron;
 
-pub use combine::{CardTerms, Combined, combine};
+pub use combine::{CardTerms, Combined, combine, copies};
 #[cfg(feature = "schema")]
 pub use file::card_schema;
 pub use file::{card_text, parse_card};

@@ -40,8 +40,8 @@ pub use crate::bench::{Bench, BenchInput, BenchRefusal, bench};
 #[cfg(feature = "schema")]
 pub use crate::card::card_schema;
 pub use crate::card::{
-    CardTerms, Combined, MagneticEvidence, card_magnetometer, card_text, combine, identity_conflict, parse_card,
-    sensor_name,
+    CardTerms, Combined, MagneticEvidence, card_magnetometer, card_text, combine, copies, identity_conflict,
+    parse_card, sensor_name,
 };
 pub use crate::encoder::{EncoderError, EncoderSeries, encoder_channel};
 pub use crate::flexibility::{GainAt, bending_response, first_mode_of_gain, flexibility};

@@ -23,7 +23,7 @@ use crate::source;
 use crate::store::{Keep, Store};
 use crate::task::caught;
 use crate::work::Workers;
-use bench_analysis::{CardTerms, MagneticEvidence, Rig, card_magnetometer, combine, identity_conflict};
+use bench_analysis::{CardTerms, MagneticEvidence, Rig, card_magnetometer, combine, copies, identity_conflict};
 use bench_logs::ReadLog;
 use flight::{Code, Notices, Quantity};
 use pair::Swing;
@@ -267,7 +267,9 @@ fn carded(
     let card = match named.iter().any(is_measured).then(|| combine(&named, &terms)) {
         Some(Ok(combined)) => {
             notices = combined.notices;
-            Some(SensorCard { magnetometer: magnetometer(&measured), ..combined.card })
+            let copies = copies(&named);
+            let of_its_own = measured.iter().enumerate().filter(|(at, _)| !copies.contains_key(at)).map(|(_, m)| m);
+            Some(SensorCard { magnetometer: magnetometer(&of_its_own.collect::<Vec<_>>()), ..combined.card })
         }
         Some(Err(why)) => {
             notices.push(Code::LeftOffCard, "", 1, why.to_string());
@@ -287,11 +289,11 @@ fn carded(
 }
 
 /// Hard and soft iron, unless the angles of a record with swings are in doubt: a wrong azimuth turns the field.
-fn magnetometer(measured: &[Measured]) -> Option<CardMagnetometer> {
+fn magnetometer(measured: &[&Measured]) -> Option<CardMagnetometer> {
     let magnetic: Vec<&MagneticEvidence> = measured.iter().filter_map(|m| m.magnetic.as_ref()).collect();
     let found = card_magnetometer(&magnetic)?;
     let with_swings = measured.iter().filter(|m| m.magnetic.as_ref().is_some_and(|e| !e.swings.is_empty()));
-    let doubt = |m: &Measured| Some(format!("{}: {}", m.name, m.record.doubts_of_angles().first()?));
+    let doubt = |m: &&Measured| Some(format!("{}: {}", m.name, m.record.doubts_of_angles().first()?));
     Some(match with_swings.filter_map(doubt).next() {
         Some(doubt) => {
             CardMagnetometer { iron: Finding::CannotTell(format!("an angle is in doubt ({doubt})")), ..found }

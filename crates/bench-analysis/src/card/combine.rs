@@ -63,8 +63,13 @@ pub fn combine(records: &[(String, BenchRecord)], terms: &CardTerms<'_>) -> Resu
     let sensor = one_sensor(records)?;
     let analysis_version = one_analysis((first_name, first), records)?;
     let mut notices = Notices::new();
-    let mut usable: Vec<&(String, BenchRecord)> = records.iter().filter(|r| is_usable(r, &mut notices)).collect();
-    leave_out_copies(&mut usable, &mut notices);
+    let copies = copies(records);
+    let usable: Vec<&(String, BenchRecord)> = records
+        .iter()
+        .enumerate()
+        .filter(|(at, record)| is_usable(record, copies.get(at).copied(), &mut notices))
+        .map(|(_, record)| record)
+        .collect();
     let names: BTreeSet<&str> = usable.iter().flat_map(|(_, r)| channels(r)).map(|c| c.name.as_str()).collect();
     let mut left_out = vec![];
     let several: Vec<Several<'_>> =
@@ -160,28 +165,31 @@ fn channels(record: &BenchRecord) -> &[ChannelDynamics] {
     record.findings.as_ref().map(|f| f.channels.as_slice()).unwrap_or_default()
 }
 
-fn is_usable((name, record): &(String, BenchRecord), notices: &mut Notices) -> bool {
-    let reason = match &record.outcome {
-        BenchOutcome::Measured => return true,
-        BenchOutcome::NotMeasurable { reason } | BenchOutcome::Failed { reason } => reason,
+fn is_usable((name, record): &(String, BenchRecord), copy_of: Option<&str>, notices: &mut Notices) -> bool {
+    let reason = match (&record.outcome, copy_of) {
+        (BenchOutcome::NotMeasurable { reason } | BenchOutcome::Failed { reason }, _) => reason.clone(),
+        (BenchOutcome::Measured, Some(first)) => format!("a copy of {first}"),
+        (BenchOutcome::Measured, None) => return true,
     };
     notices.push(Code::LeftOffCard, name, 1, format!("not on the card: {reason}"));
     false
 }
 
-/// A copy of a recording is not another measurement.
-fn leave_out_copies(usable: &mut Vec<&(String, BenchRecord)>, notices: &mut Notices) {
+/// Indices of measured records with the same content as an earlier one, each with the name of that one: a copy of a
+/// recording is not another measurement.
+#[must_use]
+pub fn copies(records: &[(String, BenchRecord)]) -> BTreeMap<usize, &str> {
     let mut known: BTreeMap<Vec<&str>, &str> = BTreeMap::new();
-    usable.retain(|(name, record)| {
+    let mut copies = BTreeMap::new();
+    let measured = records.iter().enumerate().filter(|(_, (_, record))| record.outcome == BenchOutcome::Measured);
+    for (at, (name, record)) in measured {
         let content: Vec<&str> = record.logs.iter().flat_map(|log| &log.inputs).map(|i| i.blake3.as_str()).collect();
-        let first = known.get(&content).copied().filter(|_| !content.is_empty());
-        if let Some(first) = first {
-            notices.push(Code::LeftOffCard, name, 1, format!("not on the card: a copy of {first}"));
-        } else {
-            known.insert(content, name);
+        match known.get(&content).filter(|_| !content.is_empty()) {
+            Some(first) => drop(copies.insert(at, *first)),
+            None => drop(known.insert(content, name)),
         }
-        first.is_none()
-    });
+    }
+    copies
 }
 
 /// A channel of a record that is excluded from the mean, and why.
