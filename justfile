@@ -28,7 +28,7 @@ query *question:
 
 # Test `flightlag query`, which the default build does not include
 test-query:
-    cargo test -p flightlag --features query query
+    cargo test -p flightlag -p flightlag-history --features flightlag/query --locked
 
 # Compare two reports: just diff RUN_A RUN_B [--out DIR]
 [no-exit-message]

@@ -235,7 +235,7 @@ fn optimum(row: &FlightRow) -> Option<Estimate> {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use polars::prelude::{ParquetReader, SerReader};
+    use convert::read_parquet;
     use record::Outcome;
     use std::fs::File;
 
@@ -288,13 +288,20 @@ pub(crate) mod tests {
         (folder, store)
     }
 
+    fn table(folder: &tempfile::TempDir, name: &str) -> Sheet {
+        read_parquet(File::open(folder.path().join(name)).unwrap()).unwrap().sheet
+    }
+
     #[test]
     fn parquet_preserves_every_bit() {
         let (folder, store) = store();
         let rows = [row("=1+1"), row("b.bag")];
         write_flights(&store, &rows).unwrap();
-        let read = ParquetReader::new(File::open(folder.path().join("flights.parquet")).unwrap()).finish().unwrap();
-        let number = |name: &str| read.column(name).unwrap().f64().unwrap().get(1);
+        let read = table(&folder, "flights.parquet");
+        let number = |name: &str| match read.cells(name) {
+            Some(Cells::F64(values)) => values.iter().nth(1).unwrap(),
+            other => panic!("{name}: {other:?}"),
+        };
         for (name, value) in [
             ("duration_s", rows[1].duration_s),
             ("velocity_rate_hz", rows[1].velocity_rate_hz),
@@ -304,9 +311,8 @@ pub(crate) mod tests {
         ] {
             assert_eq!(number(name).map(f64::to_bits), value.map(f64::to_bits), "{name}");
         }
-        let flights = read.column("flight").unwrap();
-        assert_eq!(flights.str().unwrap().get(0), Some("=1+1"), "only CSV is opened by spreadsheets");
-        assert_eq!(flights.len(), 2);
+        let flights = Cells::Text([Some("=1+1"), Some("b.bag")].into_iter().collect());
+        assert_eq!(read.cells("flight"), Some(&flights), "only CSV is opened by spreadsheets");
     }
 
     #[test]
@@ -325,22 +331,18 @@ pub(crate) mod tests {
         let record = crate::criteria::tests::record();
         assert_eq!(record.replay.as_ref().unwrap().clock, flight::Clock::Unix);
         write_track(&store, "by-key/ab/track.parquet", &record, &track).unwrap();
-        let file = File::open(folder.path().join("by-key/ab/track.parquet")).unwrap();
-        let read = ParquetReader::new(file).finish().unwrap();
-        let column = |name: &str| read.column(name).unwrap().clone();
-        let stamps: Vec<Option<i64>> = stamps.into_iter().map(Some).collect();
-        assert_eq!(column("stamp_ns").i64().unwrap().to_vec(), stamps);
-        assert_eq!(column("utc_ns").i64().unwrap().to_vec(), stamps);
-        let bits = |v: Vec<Option<f64>>| v.into_iter().map(|x| x.map(f64::to_bits)).collect::<Vec<_>>();
+        let read = table(&folder, "by-key/ab/track.parquet");
+        let stamps = Cells::I64(stamps.into_iter().map(Some).collect());
+        assert_eq!([read.cells("stamp_ns"), read.cells("utc_ns")], [Some(&stamps); 2]);
+        let bits = |name: &str| match read.cells(name) {
+            Some(Cells::F64(values)) => values.iter().map(|x| x.map(f64::to_bits)).collect::<Vec<_>>(),
+            other => panic!("{name}: {other:?}"),
+        };
         // 0.3 m in steps of 2^-13 m.
-        assert_eq!(
-            bits(column("north_m").f64().unwrap().to_vec()),
-            bits(vec![Some(2458.0 / 8192.0), None, Some(-0.0)])
-        );
-        assert_eq!(bits(column("age_s").f64().unwrap().to_vec()), bits(north));
-        let states = column("state");
-        let states: Vec<Option<&str>> = states.str().unwrap().iter().collect();
-        assert_eq!(states, [Some("warm-up"), Some("valid"), Some("valid")]);
+        assert_eq!(bits("north_m"), [Some(2458.0 / 8192.0), None, Some(-0.0)].map(|x| x.map(f64::to_bits)));
+        assert_eq!(bits("age_s"), north.iter().map(|x| x.map(f64::to_bits)).collect::<Vec<_>>());
+        let states = Cells::Text(["warm-up", "valid", "valid"].into_iter().map(Some).collect());
+        assert_eq!(read.cells("state"), Some(&states));
     }
 
     #[test]

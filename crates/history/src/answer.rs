@@ -279,6 +279,39 @@ mod tests {
         }
     }
 
+    /// Every table of a campaign, of a history and of an export is written by `convert`.
+    #[test]
+    fn polars_reads_what_convert_writes_to_the_bit() {
+        let mut sheet = Sheet::default();
+        sheet
+            .push("stamp_ns", Cells::I64(vec![Some(i64::MIN), None, Some(1_700_000_000_123_456_789), Some(-1)].into()));
+        sheet.push("count", Cells::U64(vec![Some(u64::MAX), Some(0), None, Some(7)].into()));
+        sheet.push("north_m", Cells::F64(vec![Some(-0.0), Some(f64::NAN), None, Some(0.1 + 0.2)].into()));
+        sheet.push("text", Cells::Text([Some(""), Some("Grüße, 高度"), None, Some("=1+1")].into_iter().collect()));
+        sheet.push("nothing_m", Cells::F64(vec![None; 4].into()));
+        let held: Vec<Option<f64>> = (0..6000_i32).map(|i| (i % 90 > 3).then(|| f64::from(i / 20).sin())).collect();
+        let mut long = Sheet::default();
+        long.push("held_m", Cells::F64(held.clone().into()));
+        let read = |sheet: &Sheet| -> DataFrame {
+            let mut file = tempfile::tempfile().unwrap();
+            convert::write_parquet(sheet, &mut file).unwrap();
+            ParquetReader::new(file).finish().unwrap()
+        };
+        assert_eq!(read(&long).column("held_m").unwrap().f64().unwrap().to_vec(), held);
+        let frame = read(&sheet);
+        let stamps = frame.column("stamp_ns").unwrap().i64().unwrap().to_vec();
+        assert_eq!(stamps, [Some(i64::MIN), None, Some(1_700_000_000_123_456_789), Some(-1)]);
+        let counts = frame.column("count").unwrap().u64().unwrap().to_vec();
+        assert_eq!(counts, [Some(u64::MAX), Some(0), None, Some(7)]);
+        let bits = |name: &str| -> Vec<Option<u64>> {
+            frame.column(name).unwrap().f64().unwrap().iter().map(|x| x.map(f64::to_bits)).collect()
+        };
+        assert_eq!(bits("north_m"), [Some(-0.0), Some(f64::NAN), None, Some(0.1 + 0.2)].map(|x| x.map(f64::to_bits)));
+        assert_eq!(bits("nothing_m"), [None; 4]);
+        let texts: Vec<Option<&str>> = frame.column("text").unwrap().str().unwrap().iter().collect();
+        assert_eq!(texts, [Some(""), Some("Grüße, 高度"), None, Some("=1+1")]);
+    }
+
     #[test]
     fn the_latest_row_of_each_flight_answers_by_group() {
         let found = ask(Some("delay_s > 0.3"), &["firmware"], Some("median(delay_s), count()"));

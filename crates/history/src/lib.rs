@@ -15,7 +15,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-#[cfg(any(test, feature = "query"))]
+#[cfg(feature = "query")]
 mod answer;
 mod brief;
 mod change_points;
@@ -36,7 +36,7 @@ mod schema;
 mod summary;
 mod trend;
 
-#[cfg(any(test, feature = "query"))]
+#[cfg(feature = "query")]
 pub use answer::{Answer, answer};
 pub use brief::{Brief, Briefs, PageOf, latest_briefs};
 pub use change_points::{FALSE_ALARM, Looks};

@@ -1,9 +1,8 @@
 //! Exported tables contain what the log contains.
 
 use crate::flight::{in_context, library, read, unit, write};
-use convert::{ExportOrder, ExportTo, ExportWhat, Exported, export};
+use convert::{Cells, ExportOrder, ExportTo, ExportWhat, Exported, export, read_parquet};
 use flight::{Channel, Clock, Quantity, Severity, Stamp};
-use polars::prelude::{ParquetReader, SerReader};
 use simulate::{Container, McapSettings};
 use std::fs::File;
 use std::path::Path;
@@ -28,15 +27,13 @@ fn parquet_holds_the_channels_to_the_bit() {
     assert_eq!(report.sheets.len(), channels.len());
     for sheet in &report.sheets {
         let channel: &Channel = &channels[&sheet.name];
-        let frame = ParquetReader::new(File::open(out.join(&sheet.place)).unwrap()).finish().unwrap();
-        assert_eq!(frame.height(), channel.series.len());
-        let stamps = frame.column(&format!("{}_ns", channel.series.timeline().kind())).unwrap().clone();
-        let stamps: Vec<i64> = stamps.i64().unwrap().to_vec().into_iter().flatten().collect();
-        assert_eq!(stamps, channel.series.timeline().stamps().iter().map(|s| s.0).collect::<Vec<_>>());
+        let table = read_parquet(File::open(out.join(&sheet.place)).unwrap()).unwrap().sheet;
+        let timeline = channel.series.timeline();
+        let stamps: Vec<Option<i64>> = timeline.stamps().iter().map(|s| Some(s.0)).collect();
+        assert_eq!(table.cells(&format!("{}_ns", timeline.kind())), Some(&Cells::I64(stamps.into())));
         if channel.quantity == Quantity::VelocityNed {
-            let north = frame.column("north_mps").unwrap().clone();
-            let north: Vec<f64> = north.f64().unwrap().to_vec().into_iter().flatten().collect();
-            assert_eq!(north, channel.series.component(0));
+            let north: Vec<Option<f64>> = channel.series.component(0).iter().copied().map(Some).collect();
+            assert_eq!(table.cells("north_mps"), Some(&Cells::F64(north.into())));
         }
     }
 }
@@ -314,11 +311,8 @@ fn a_clock_without_a_date_gets_a_utc_column_and_its_tie_is_recorded() {
         // Parquet has it in its metadata.
         let out = folder.path().join("parquet");
         let report = exported(&log, ExportWhat::Channels, ExportTo::Parquet, &out);
-        let mut reader = ParquetReader::new(File::open(out.join(&report.sheets[0].place)).unwrap());
-        let pairs = reader.get_metadata().unwrap().key_value_metadata().clone().unwrap();
-        let text =
-            pairs.iter().find(|pair| pair.key == "flightlag-export").and_then(|pair| pair.value.clone()).unwrap();
-        let provenance: serde_json::Value = serde_json::from_str(&text).unwrap();
+        let table = read_parquet(File::open(out.join(&report.sheets[0].place)).unwrap()).unwrap();
+        let provenance: serde_json::Value = serde_json::from_str(&table.about["flightlag-export"]).unwrap();
         assert_eq!(provenance["utc"]["offset_ns"].as_i64(), flight.utc.as_ref().map(|tie| tie.offset_ns));
         assert_eq!(provenance["sheet"]["place"], report.sheets[0].place.as_str());
     }
@@ -716,11 +710,11 @@ fn one_corrupt_cell_is_counted_and_the_column_stays_numeric() {
     std::fs::write(&log, format!("time,speed,mode\n{rows}")).unwrap();
     let out = folder.path().join("tables");
     let report = exported(&log, ExportWhat::Topics, ExportTo::Parquet, &out);
-    let frame = ParquetReader::new(File::open(out.join(&report.sheets[0].place)).unwrap()).finish().unwrap();
-    let speed = frame.column("speed").unwrap().f64().unwrap().to_vec();
-    assert_eq!(speed.iter().filter(|v| **v == Some(1.5)).count(), 49);
-    assert_eq!(speed[20], None);
-    assert_eq!(frame.column("mode").unwrap().str().unwrap().get(20), Some("word"));
+    let table = read_parquet(File::open(out.join(&report.sheets[0].place)).unwrap()).unwrap().sheet;
+    let speed: Vec<Option<f64>> = (0..50).map(|row| (row != 20).then_some(1.5)).collect();
+    assert_eq!(table.cells("speed"), Some(&Cells::F64(speed.into())));
+    let Some(Cells::Text(modes)) = table.cells("mode") else { panic!("{table:?}") };
+    assert_eq!(modes.iter().nth(20), Some(Some("word")));
     let notice = report.notices.iter().find(|n| n.code == "rejected-cell").unwrap();
     assert_eq!(notice.count, 1);
     assert!(notice.text.contains("speed") && notice.text.contains("1.5#"), "{}", notice.text);
