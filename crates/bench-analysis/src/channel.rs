@@ -6,7 +6,7 @@ use crate::injection::{inject, not_injected};
 use crate::lag_words::{model, with_lag, with_model};
 use crate::no_answer::{ambiguous_with, no_answer};
 use crate::overlay::Laid;
-use crate::reference_error::{Sensitivity, with_reference};
+use crate::reference_error::with_reference;
 use crate::response::response;
 use crate::sampling::rate_hz;
 use crate::sensed::{Circumstances, SensedChannel, SensedComponent, Updates, measurement};
@@ -17,9 +17,9 @@ use record::{
     Stationarity, TimeBasis, Verdict,
 };
 use signal::{
-    ComponentFit, DelayFit, DelaySettings, Measurement, NoiseRule, Uncertain, autocorrelation,
-    choose_lag_model_against, delay_excess, fit_delay, jitter_from_residuals, kurtosis, ljung_box, resolution,
-    static_deviation, static_segments,
+    ComponentFit, DelayFit, DelaySettings, DelayStart, Measurement, NoiseRule, Uncertain, autocorrelation,
+    choose_lag_model_against, delay_excess, fit_delay, fit_delay_near, jitter_from_residuals, kurtosis, ljung_box,
+    resolution, static_deviation, static_segments,
 };
 
 /// Lags of the autocorrelation that are shown and tested.
@@ -305,6 +305,7 @@ fn components(
     fit: &DelayFit,
 ) -> Vec<ComponentDynamics> {
     let still = still_rows(bench, &channel.t);
+    let shares = bench.errors.of_gains(&updates.measurements(channel), fit, &updates.sensitivities(channel));
     channel
         .components
         .iter()
@@ -313,13 +314,14 @@ fn components(
             let place = updates.excited.iter().position(|&e| e == k);
             let fitted = place.and_then(|place| fit.components.get(place));
             let (curves, zoom) = component_curves(channel, component, fitted.map(|f| (fit, f)), bench.zoom);
-            let alone = place.filter(|_| updates.excited.len() > 1).and_then(|_| {
-                fit_delay(&[measurement(component, &updates.t, &updates.values[k])], &bench.settings()).ok()
-            });
             let measured = measurement(component, &updates.t, &updates.values[k]);
             let by = &component.sensitivity;
+            let alone = fitted.filter(|_| updates.excited.len() > 1).and_then(|f| {
+                let start = DelayStart { delay_s: fit.delay_s, noise: vec![f.noise], keep_noise: false };
+                fit_delay_near(&[measured], &bench.settings(), &start).ok()
+            });
             ComponentDynamics {
-                gain: fitted.map(|f| gain(f, fit, &measured, bench, by)),
+                gain: fitted.zip(place).map(|(f, place)| gain(f, shares[place])),
                 gain_frequency_hz: fitted.and_then(|f| bench.errors.frequency_of_gain_hz(&measured, fit, f, by)),
                 offset: fitted.map(|f| estimate(f.offset)),
                 drift: fitted.and_then(|f| f.drift).map(estimate),
@@ -351,15 +353,8 @@ fn overlaid<'a>(
     }
 }
 
-/// Ratio measured/reference, including the reference's own error.
-fn gain(
-    f: &ComponentFit,
-    fit: &DelayFit,
-    measurement: &Measurement<'_>,
-    bench: &Circumstances<'_>,
-    by: &Sensitivity<'_>,
-) -> Estimate {
-    let share = bench.errors.of_gain(measurement, fit, f, by);
+/// Ratio measured/reference, including the relative standard uncertainty `share` from the reference.
+fn gain(f: &ComponentFit, share: f64) -> Estimate {
     let standard_uncertainty = f.gain.standard_uncertainty.hypot(f.gain.value * share);
     Estimate { value: f.gain.value, standard_uncertainty: Some(standard_uncertainty) }
 }

@@ -81,38 +81,39 @@ impl ReferenceErrors {
     ) -> f64 {
         let Some(response) = DelayResponse::of(measurements, fit) else { return 0.0 };
         let shift = |draw: &SmoothedMotion| {
-            let components = sensitivities.iter().zip(&fit.components);
-            let errors: Vec<Vec<f64>> = components
-                .map(|(s, c)| c.t_used.iter().map(|t| c.gain.value * self.error(draw, s, t - fit.delay_s)).collect())
-                .collect();
+            let mut errors = self.errors(draw, fit, sensitivities);
+            for (of_component, c) in errors.iter_mut().zip(&fit.components) {
+                of_component.iter_mut().for_each(|error| *error *= c.gain.value);
+            }
             response.shift_s(&errors)
         };
-        let shifts: Vec<f64> = self.draws.iter().filter_map(shift).collect();
-        (shifts.iter().map(|s| s * s).sum::<f64>() / shifts.len().max(1) as f64).sqrt()
+        rms(&self.draws.iter().filter_map(shift).collect::<Vec<f64>>())
     }
 
-    /// Relative standard uncertainty of the gain of one component from the reference alone.
+    /// Relative standard uncertainty of the gain of each component from the reference alone.
     ///
     /// An error that follows the reference acts as a gain. Steps are not random here: at each reversal of the swing the
     /// count is constant for long, and the smoother flattens the remainder. Therefore the motion is quantised and
     /// smoothed again with other phases of the counts, and the effect on the gain is its uncertainty.
-    pub(crate) fn of_gain(
+    pub(crate) fn of_gains(
         &self,
-        measurement: &Measurement<'_>,
+        measurements: &[Measurement<'_>],
         fit: &DelayFit,
-        component: &ComponentFit,
-        by: &Sensitivity<'_>,
-    ) -> f64 {
-        let Some(response) = GainResponse::of(measurement, component, fit.delay_s) else { return 0.0 };
-        let share = |again: &SmoothedMotion| {
-            let error = |t: &f64| {
-                let instant = t - fit.delay_s;
-                self.error(again, by, instant) - self.error(&self.once, by, instant)
+        sensitivities: &[Sensitivity<'_>],
+    ) -> Vec<f64> {
+        let once = self.errors(&self.once, fit, sensitivities);
+        let again: Vec<Vec<Vec<f64>>> = self.again.iter().map(|a| self.errors(a, fit, sensitivities)).collect();
+        let of_component = |k: usize| {
+            let Some(response) = GainResponse::of(&measurements[k], &fit.components[k], fit.delay_s) else {
+                return 0.0;
             };
-            response.shift(&component.t_used.iter().map(error).collect::<Vec<f64>>())
+            let share = |again: &Vec<Vec<f64>>| {
+                let moved: Vec<f64> = again[k].iter().zip(&once[k]).map(|(again, once)| again - once).collect();
+                response.shift(&moved)
+            };
+            rms(&again.iter().filter_map(share).collect::<Vec<f64>>())
         };
-        let shares: Vec<f64> = self.again.iter().filter_map(share).collect();
-        (shares.iter().map(|s| s * s).sum::<f64>() / shares.len().max(1) as f64).sqrt()
+        (0..fit.components.len()).map(of_component).collect()
     }
 
     /// Frequency of the motion that the gain of one component stands for, Hz: a bar that bends raises the gain as if it
@@ -138,11 +139,32 @@ impl ReferenceErrors {
         (omega2 > 0.0).then(|| omega2.sqrt() / TAU)
     }
 
-    /// Error of a reference at `t`.
-    fn error(&self, draw: &SmoothedMotion, by: &Sensitivity<'_>, t: f64) -> f64 {
-        let (Some(slope), Some(error)) = (by.at(t), draw.at(t)) else { return 0.0 };
+    /// Error of the reference of each component at the true instants of its used rows, where `draw` is the error of the
+    /// motion.
+    fn errors(&self, draw: &SmoothedMotion, fit: &DelayFit, sensitivities: &[Sensitivity<'_>]) -> Vec<Vec<f64>> {
+        let mut t_used: &[f64] = &[];
+        let mut states: Vec<Option<[f64; 4]>> = vec![];
+        let mut errors = vec![];
+        for (by, c) in sensitivities.iter().zip(&fit.components) {
+            // The components of a channel usually have the same rows.
+            if c.t_used != t_used {
+                t_used = &c.t_used;
+                states = t_used.iter().map(|t| draw.at(t - fit.delay_s)).collect();
+            }
+            let of_row = |(t, state): (&f64, &Option<[f64; 4]>)| self.error(by, t - fit.delay_s, *state);
+            errors.push(t_used.iter().zip(&states).map(of_row).collect());
+        }
+        errors
+    }
+
+    fn error(&self, by: &Sensitivity<'_>, t: f64, error: Option<[f64; 4]>) -> f64 {
+        let (Some(slope), Some(error)) = (by.at(t), error) else { return 0.0 };
         self.sign * (slope[0] * error[0] + slope[1] * error[1] + slope[2] * error[2])
     }
+}
+
+fn rms(values: &[f64]) -> f64 {
+    (values.iter().map(|v| v * v).sum::<f64>() / values.len().max(1) as f64).sqrt()
 }
 
 /// Standard uncertainty of a delay including that of its reference. The noise of the fit treats the error of the

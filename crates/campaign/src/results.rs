@@ -253,7 +253,7 @@ pub(crate) fn read_lateness(
         },
     };
     let bytes = read_checked(store, key, LATENESS, blake3.as_deref())?;
-    Ok(bytes.and_then(|bytes| serde_json::from_slice::<FlightLateness>(&bytes).ok()).filter(|l| l.key == key))
+    Ok(bytes.and_then(|bytes| FlightLateness::from_json(&bytes).ok()).filter(|l| l.key == key))
 }
 
 /// A measurement; `None` if it is missing or damaged.

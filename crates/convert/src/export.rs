@@ -20,7 +20,7 @@ use ingest::{
     Values, load,
 };
 use serde_json::{Value, json};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::io;
 use std::path::Path;
 
@@ -226,7 +226,7 @@ fn note_zero_bytes(source: &Source, notices: &mut Notices) {
 }
 
 /// The units that the log states, by type and field.
-type StatedUnits = BTreeMap<(String, String), String>;
+type StatedUnits = HashMap<(String, String), String>;
 
 fn topic_source(table: Table, time: &RowTime, to: ExportTo, units: &StatedUnits) -> Source {
     let log_time_how = time.how_in_utc();

@@ -1,6 +1,7 @@
-//! Records as JSON. Kept in one place so that the code for these large types is compiled only once.
+//! Records as JSON. Kept in one place, and read by way of a [`Value`] only, so that the code for these large types is
+//! compiled once.
 
-use crate::{BenchRecord, CampaignRecord, FlightRecord, FlightRow, MeasuredFlight};
+use crate::{BenchRecord, CampaignRecord, FlightLateness, FlightRecord, FlightRow, MeasuredFlight};
 use serde_json::{Error, Value};
 
 impl FlightRecord {
@@ -43,6 +44,16 @@ impl MeasuredFlight {
     }
 }
 
+impl FlightLateness {
+    /// Reads from JSON.
+    ///
+    /// # Errors
+    /// The text is not a lateness of this version.
+    pub fn from_json(text: &[u8]) -> Result<FlightLateness, Error> {
+        serde_json::from_value(serde_json::from_slice(text)?)
+    }
+}
+
 impl CampaignRecord {
     /// Serialises as multi-line JSON, without the rows.
     #[must_use]
@@ -55,7 +66,7 @@ impl CampaignRecord {
     /// # Errors
     /// The text is not a record of this version.
     pub fn from_json(text: &[u8]) -> Result<CampaignRecord, Error> {
-        serde_json::from_slice(text)
+        serde_json::from_value(serde_json::from_slice(text)?)
     }
 }
 
@@ -79,7 +90,7 @@ impl FlightRow {
     /// # Errors
     /// The text is not a row of this version.
     pub fn from_json(text: &[u8]) -> Result<FlightRow, Error> {
-        serde_json::from_slice(text)
+        serde_json::from_value(serde_json::from_slice(text)?)
     }
 }
 

@@ -10,7 +10,7 @@ use parquet::file::properties::WriterProperties;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::file::writer::{SerializedColumnWriter, SerializedFileWriter};
 use parquet::schema::types::{ColumnPath, Type, TypePtr};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, HashSet};
 use std::fs::File;
 use std::io::{self, Write};
 use std::ops::Range;
@@ -123,7 +123,7 @@ fn encoding(cells: &Cells) -> Option<Encoding> {
     let is_varied = |values: &Values<f64>| {
         let moves = values.iter().zip(values.iter().skip(1)).filter(|(before, now)| before != now).count();
         let step = values.len() / LOOKED_AT + 1;
-        let seen: BTreeSet<u64> = values.iter().step_by(step).flatten().map(|value| value.to_bits()).collect();
+        let seen: HashSet<u64> = values.iter().step_by(step).flatten().map(|value| value.to_bits()).collect();
         2 * moves > values.len() && 4 * seen.len() > LOOKED_AT
     };
     match cells {

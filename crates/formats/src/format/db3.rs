@@ -28,7 +28,7 @@ use crate::table::TopicInfo;
 use flight::{Code, Notices, Severity};
 use logscan::LogFile;
 use logscan::{Fate, Ledger, ScanError, Source as _};
-use std::collections::{BTreeMap, HashMap};
+use std::collections::HashMap;
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -375,13 +375,13 @@ fn announce(
     columns: &Columns,
     utf16: Option<bool>,
     topics: &mut Topics<'_>,
-) -> BTreeMap<i64, Route> {
+) -> HashMap<i64, Route> {
     let mut known: HashMap<String, (String, String)> = HashMap::new();
     for row in definitions {
         let [of_type, encoding, text] = columns.definitions.read(row, utf16);
         known.entry(of_type).or_insert((encoding, text));
     }
-    let mut routes = BTreeMap::new();
+    let mut routes = HashMap::new();
     for row in named {
         // Messages refer to the column, which is the row number unless the table was defined otherwise.
         let id = row.integer(columns.number).unwrap_or(row.rowid);

@@ -7,7 +7,7 @@ use crate::reader::Extra;
 use crate::table::TopicInfo;
 use flight::{Code, Notices};
 use logscan::Fate;
-use std::collections::BTreeMap;
+use std::collections::HashMap;
 
 /// Maximum connections in one bag.
 const MOST_CONNECTIONS: usize = 65_536;
@@ -24,7 +24,7 @@ struct Connection {
 /// Connections of one bag; routes messages to the topics.
 pub(super) struct Connections<'b, 't> {
     topics: &'b mut Topics<'t>,
-    known: BTreeMap<u32, Connection>,
+    known: HashMap<u32, Connection>,
     definition_bytes: usize,
     unplaced: Tally,
     redefined: Tally,
@@ -33,7 +33,7 @@ pub(super) struct Connections<'b, 't> {
 impl<'b, 't> Connections<'b, 't> {
     pub(super) fn new(topics: &'b mut Topics<'t>) -> Connections<'b, 't> {
         let (unplaced, redefined) = Default::default();
-        Connections { topics, known: BTreeMap::new(), definition_bytes: 0, unplaced, redefined }
+        Connections { topics, known: HashMap::new(), definition_bytes: 0, unplaced, redefined }
     }
 
     /// Takes a connection record. Its `data` are a second header with the definition. The error says what is wrong.

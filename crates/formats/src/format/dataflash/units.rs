@@ -4,15 +4,15 @@ use super::dataflash_record::Format;
 use crate::reader::StatedUnit;
 use flight::Dimension;
 use std::borrow::Cow;
-use std::collections::BTreeMap;
+use std::collections::HashMap;
 
 const DEG: f64 = std::f64::consts::PI / 180.0;
 
 /// Names of units and multipliers by their letters.
 #[derive(Debug, Default)]
 pub(super) struct Units {
-    names: BTreeMap<u8, String>,
-    multipliers: BTreeMap<u8, f64>,
+    names: HashMap<u8, String>,
+    multipliers: HashMap<u8, f64>,
 }
 
 impl Units {

@@ -5,7 +5,7 @@ use super::walk::{Look, Sink};
 use crate::decode::{Route, Tally, Times, Topics};
 use crate::format::inflate::{Inflater, is_packed};
 use logscan::Fate;
-use std::collections::BTreeMap;
+use std::collections::HashMap;
 
 /// Maximum memory for topics and definitions of one file, bytes.
 const MOST_TEXT: u64 = 64 << 20;
@@ -234,7 +234,7 @@ struct Found {
 pub(super) struct Messages<'t, 'w> {
     pub(super) topics: &'t mut Topics<'w>,
     columns: MessageColumns,
-    routes: BTreeMap<i64, Route>,
+    routes: HashMap<i64, Route>,
     /// The route of a row that was examined, `None` if its topic is not announced.
     current: Option<(Found, Option<Route>)>,
     inflater: Inflater,
@@ -249,7 +249,7 @@ impl<'t, 'w> Messages<'t, 'w> {
     pub(super) fn new(
         topics: &'t mut Topics<'w>,
         columns: MessageColumns,
-        routes: BTreeMap<i64, Route>,
+        routes: HashMap<i64, Route>,
         most: u64,
     ) -> Messages<'t, 'w> {
         let (unplaced, packed) = (Tally::default(), Tally::default());

@@ -11,7 +11,7 @@ use crate::reader::{Log, Restart, Select, Selection, StatedUnit, ValueKind};
 use crate::table::{Column, TopicInfo};
 use flight::{About, Clock, Code, Notice, Notices, Severity};
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 
 /// Key in the metadata of a channel, and name of the metadata record.
 const ORIGINAL: &str = "flightlag-original";
@@ -110,7 +110,7 @@ impl OriginalLog {
 #[derive(Debug, Default)]
 pub(super) struct Originals {
     /// The number and clock of each topic; `None` for topics read unconverted.
-    topics: BTreeMap<TopicInfo, Option<(usize, Option<Clock>)>>,
+    topics: HashMap<TopicInfo, Option<(usize, Option<Clock>)>>,
     /// For each: line or message number of its rows in the source log.
     rows: Vec<Vec<u32>>,
     logs: Vec<OriginalLog>,
