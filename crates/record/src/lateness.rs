@@ -254,8 +254,8 @@ pub struct Decision {
     pub row: u8,
     /// Source of the delay; `None` if nothing is removed.
     pub used: Option<DelaySource>,
-    /// Delay, s, rounded to a grid well inside its uncertainty; `None` if nothing is removed, or if the sweep
-    /// determines it.
+    /// Delay, s, rounded to a grid well inside its uncertainty; `None` if nothing is removed. A delay from the sweep is
+    /// known once the flight is replayed.
     pub delay_s: Option<f64>,
     /// Its standard uncertainty, s, rounded up to two digits.
     pub standard_uncertainty_s: Option<f64>,
