@@ -289,15 +289,24 @@ mod tests {
         sheet.push("north_m", Cells::F64(vec![Some(-0.0), Some(f64::NAN), None, Some(0.1 + 0.2)].into()));
         sheet.push("text", Cells::Text([Some(""), Some("Grüße, 高度"), None, Some("=1+1")].into_iter().collect()));
         sheet.push("nothing_m", Cells::F64(vec![None; 4].into()));
-        let held: Vec<Option<f64>> = (0..6000_i32).map(|i| (i % 90 > 3).then(|| f64::from(i / 20).sin())).collect();
+        // Long columns have encodings of their own: differences for timestamps, bytes apart for numbers that move.
+        let stamps: Vec<Option<i64>> = (0..6000_i64).map(|i| (i % 50 != 9).then_some(i * 10_000_000 + i % 7)).collect();
+        let track = |i: i32| 100.0 * (f64::from(i) / 300.0).sin();
+        let north: Vec<Option<f64>> = (0..6000).map(|i| (i % 90 > 3).then(|| track(i))).collect();
+        let held: Vec<Option<f64>> = (0..6000).map(|i| Some(track(i / 20))).collect();
         let mut long = Sheet::default();
+        long.push("stamp_ns", Cells::I64(stamps.clone().into()));
+        long.push("north_m", Cells::F64(north.clone().into()));
         long.push("held_m", Cells::F64(held.clone().into()));
         let read = |sheet: &Sheet| -> DataFrame {
             let mut file = tempfile::tempfile().unwrap();
             convert::write_parquet(sheet, &mut file).unwrap();
             ParquetReader::new(file).finish().unwrap()
         };
-        assert_eq!(read(&long).column("held_m").unwrap().f64().unwrap().to_vec(), held);
+        let frame = read(&long);
+        assert_eq!(frame.column("stamp_ns").unwrap().i64().unwrap().to_vec(), stamps);
+        assert_eq!(frame.column("north_m").unwrap().f64().unwrap().to_vec(), north);
+        assert_eq!(frame.column("held_m").unwrap().f64().unwrap().to_vec(), held);
         let frame = read(&sheet);
         let stamps = frame.column("stamp_ns").unwrap().i64().unwrap().to_vec();
         assert_eq!(stamps, [Some(i64::MIN), None, Some(1_700_000_000_123_456_789), Some(-1)]);
