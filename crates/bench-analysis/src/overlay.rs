@@ -95,7 +95,8 @@ impl Laid<'_> {
     }
 }
 
-fn rms(values: impl Iterator<Item = f64>) -> f64 {
+/// Root mean square; 0 without values.
+pub(crate) fn rms(values: impl Iterator<Item = f64>) -> f64 {
     let (sum, n) = values.fold((0.0, 0u32), |(sum, n), v| (sum + v * v, n + 1));
     if n == 0 { 0.0 } else { (sum / f64::from(n)).sqrt() }
 }

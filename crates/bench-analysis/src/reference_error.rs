@@ -5,6 +5,7 @@
 //! encoder's noise is drawn at random, and propagated through slope and fit of every channel.
 
 use crate::motion::Motion;
+use crate::overlay::rms;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use signal::{ComponentFit, DelayFit, DelayResponse, GainResponse, Measurement, Reference, SmoothedMotion};
@@ -87,7 +88,7 @@ impl ReferenceErrors {
             }
             response.shift_s(&errors)
         };
-        rms(&self.draws.iter().filter_map(shift).collect::<Vec<f64>>())
+        rms(self.draws.iter().filter_map(shift))
     }
 
     /// Relative standard uncertainty of the gain of each component from the reference alone.
@@ -111,7 +112,7 @@ impl ReferenceErrors {
                 let moved: Vec<f64> = again[k].iter().zip(&once[k]).map(|(again, once)| again - once).collect();
                 response.shift(&moved)
             };
-            rms(&again.iter().filter_map(share).collect::<Vec<f64>>())
+            rms(again.iter().filter_map(share))
         };
         (0..fit.components.len()).map(of_component).collect()
     }
@@ -157,14 +158,11 @@ impl ReferenceErrors {
         errors
     }
 
+    /// Error of a reference at `t` from the `error` of the motion there; 0 outside of the motion.
     fn error(&self, by: &Sensitivity<'_>, t: f64, error: Option<[f64; 4]>) -> f64 {
         let (Some(slope), Some(error)) = (by.at(t), error) else { return 0.0 };
         self.sign * (slope[0] * error[0] + slope[1] * error[1] + slope[2] * error[2])
     }
-}
-
-fn rms(values: &[f64]) -> f64 {
-    (values.iter().map(|v| v * v).sum::<f64>() / values.len().max(1) as f64).sqrt()
 }
 
 /// Standard uncertainty of a delay including that of its reference. The noise of the fit treats the error of the
