@@ -16,6 +16,7 @@ mod gravity;
 mod injection;
 mod kinematics;
 mod lag_words;
+mod lagged_field;
 mod magnetic;
 mod magnetometer;
 mod motion;

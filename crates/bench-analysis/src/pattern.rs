@@ -64,6 +64,11 @@ pub(crate) struct Samples {
 }
 
 impl Samples {
+    pub(crate) fn of_rows(&self, rows: &[usize]) -> Samples {
+        let of = |x: &Vec<f64>| rows.iter().map(|&row| x[row]).collect();
+        Samples { t: of(&self.t), components: self.components.iter().map(of).collect() }
+    }
+
     fn middle(&self) -> f64 {
         0.5 * (self.t.first().copied().unwrap_or(0.0) + self.t.last().copied().unwrap_or(0.0))
     }
@@ -185,10 +190,7 @@ fn thinned(motion: &Motion, samples: &Samples, most: usize, (from, to): (f64, f6
     let always = if 2 * seen.len() >= always.len() { seen } else { always };
     let stride = always.len().div_ceil(most).max(1);
     let rows: Vec<usize> = always.into_iter().step_by(stride).collect();
-    Samples {
-        t: rows.iter().map(|&r| samples.t[r]).collect(),
-        components: samples.components.iter().map(|c| rows.iter().map(|&r| c[r]).collect()).collect(),
-    }
+    samples.of_rows(&rows)
 }
 
 /// Mean over the components of the log of the residual variance: half of −2 log likelihood per row.

@@ -3,6 +3,7 @@
 use crate::alignment::Alignment;
 use crate::clock::is_sensed;
 use crate::kinematics::{Sensed, angular_rate, magnetic_field, position, specific_force, velocity};
+use crate::lagged_field::{Turning, coefficients_behind_lag};
 use crate::motion::Motion;
 use crate::pattern::{Pattern, fit_at};
 use crate::rig::Rig;
@@ -215,24 +216,31 @@ impl<'a> Maker<'a> {
         (size > 0.0).then(|| field.map(|b| b / size))
     }
 
-    /// Each axis as the combination of 1, sin ξ and cos ξ that fits it best at its own delay: valid for any field, iron
-    /// and mount.
+    /// Each axis as the combination of 1, sin ξ and cos ξ that fits it best at its own delay, or at its own delay and
+    /// lag: valid for any field, iron and mount.
     fn fitted_field(&self, name: &str, channel: &Channel, rows: &SensorRows) -> Vec<Option<Curve>> {
+        let none = || rows.columns.iter().map(|_| None).collect();
         let samples = update_samples(channel, rows, self.motion.origin());
         let delay = self.alignment.coarse_delay_s.get(name).copied().unwrap_or(0.0);
-        let Some(fit) = fit_at(self.motion, &samples, Pattern::Circle, delay) else {
-            return rows.columns.iter().map(|_| None).collect();
+        let Some(fit) = fit_at(self.motion, &samples, Pattern::Circle, delay) else { return none() };
+        let turns: Option<Vec<(f64, f64)>> =
+            self.grid.iter().map(|t| Some(self.motion.at(*t)?.angle.sin_cos())).collect();
+        let Some(turns) = turns else { return none() };
+        let (sine, cosine): (Vec<f64>, Vec<f64>) = turns.iter().copied().unzip();
+        let behind_lag = || {
+            let spline = |values: &[f64]| CubicSpline::new(&self.grid, values).ok();
+            let turning = Turning { sine: spline(&sine)?, cosine: spline(&cosine)? };
+            coefficients_behind_lag(&turning, &samples.of_rows(&fit.rows), delay)
         };
+        let plain = || fit.fits.iter().map(|f| f.coefficients.clone().try_into().ok()).collect();
+        let Some(coefficients) = behind_lag().or_else(plain) else { return none() };
         let angle_u = self.motion.typical_uncertainty()[0];
-        let curve = |coefficients: &[f64]| -> Option<Curve> {
-            let [offset, sine, cosine] = *coefficients else { return None };
-            let turns: Option<Vec<(f64, f64)>> =
-                self.grid.iter().map(|t| Some(self.motion.at(*t)?.angle.sin_cos())).collect();
-            let (values, slope) =
-                turns?.iter().map(|(s, c)| (offset + sine * s + cosine * c, [sine * c - cosine * s, 0.0, 0.0])).unzip();
+        let curve = |[offset, sine, cosine]: [f64; 3]| {
+            let at = |(s, c): &(f64, f64)| (offset + sine * s + cosine * c, [sine * c - cosine * s, 0.0, 0.0]);
+            let (values, slope) = turns.iter().map(at).unzip();
             Some(Curve { values, slope, uncertainty: angle_u * sine.hypot(cosine), unit_gain: true })
         };
-        fit.fits.iter().map(|f| curve(&f.coefficients)).collect()
+        coefficients.into_iter().map(curve).collect()
     }
 }
 
