@@ -20,6 +20,7 @@ mod over_time;
 mod pairs;
 mod pieces;
 mod reference;
+mod repeats;
 pub(crate) mod residual;
 mod skew;
 mod split;
