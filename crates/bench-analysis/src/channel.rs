@@ -3,7 +3,7 @@
 use crate::constancy::{Constancy, constancy};
 use crate::curves::component_curves;
 use crate::injection::{inject, not_injected};
-use crate::lag_words::{model, with_lag, with_model};
+use crate::lag_words::{less_certain, model, with_lag, with_model};
 use crate::no_answer::{ambiguous_with, no_answer};
 use crate::overlay::Laid;
 use crate::reference_error::with_reference;
@@ -61,8 +61,9 @@ pub(crate) fn dynamics(channel: &SensedChannel<'_>, bench: &Circumstances<'_>) -
     }
     let Constancy { finding, change_s } = constancy(&measurements, &fit, &settings, found.model.found());
     let reference_s = bench.errors.of_delay(&measurements, &fit, &updates.sensitivities(channel));
-    let beyond = Beyond { reference_s, change_s: change_s.unwrap_or(0.0) };
+    let beyond = Beyond { change_s: change_s.unwrap_or(0.0), ..Beyond::of(channel, bench, &updates, reference_s) };
     let delay = delay_finding(channel, bench, &updates, &fit, beyond);
+    found.model = less_certain(found.model, |fit_s| beyond.added_to(fit_s, &fit));
     found.predicted_s = Some(fit.crlb_s);
     (found.verdict, found.reason) = judge(bench, channel, &updates, &fit, &delay);
     found.verdict = with_lag(found.verdict, found.model.found(), delay.strict_margin_s);
@@ -151,6 +152,23 @@ struct Beyond {
     reference_s: f64,
     /// Deviation of the delay from constant, s.
     change_s: f64,
+    /// Standard uncertainty of the instant of a held value, s.
+    stamps_s: f64,
+    /// Standard uncertainty of the anchor's lag, s; zero for the anchor itself.
+    anchor_s: f64,
+}
+
+impl Beyond {
+    fn of(channel: &SensedChannel<'_>, bench: &Circumstances<'_>, updates: &Updates, reference_s: f64) -> Beyond {
+        let is_anchor = matches!(bench.basis, TimeBasis::Anchor { channel: anchor } if anchor == channel.name);
+        let anchor_s = if is_anchor { 0.0 } else { bench.anchor_s };
+        Beyond { reference_s, change_s: 0.0, stamps_s: stamp_uncertainty(channel, updates), anchor_s }
+    }
+
+    /// The standard uncertainty of a constant lateness from that of its fit, s.
+    fn added_to(self, fit_s: f64, fit: &DelayFit) -> f64 {
+        with_reference(fit_s, self.reference_s, fit.components.len()).hypot(self.stamps_s).hypot(self.anchor_s)
+    }
 }
 
 fn delay_finding(
@@ -158,13 +176,10 @@ fn delay_finding(
     bench: &Circumstances<'_>,
     updates: &Updates,
     fit: &DelayFit,
-    Beyond { reference_s, change_s }: Beyond,
+    beyond: Beyond,
 ) -> DelayFinding {
-    let stamps_s = stamp_uncertainty(channel, updates);
-    let is_anchor = matches!(bench.basis, TimeBasis::Anchor { channel: anchor } if anchor == channel.name);
-    let anchor_s = if is_anchor { 0.0 } else { bench.anchor_s };
-    let own_s = with_reference(fit.standard_uncertainty_s, reference_s, fit.components.len());
-    let standard_uncertainty_s = own_s.hypot(stamps_s).hypot(anchor_s).hypot(change_s);
+    let Beyond { reference_s, change_s, stamps_s, anchor_s } = beyond;
+    let standard_uncertainty_s = beyond.added_to(fit.standard_uncertainty_s, fit).hypot(change_s);
     let judgement = evidence(bench, updates, fit, standard_uncertainty_s).judge();
     let as_seen = updates
         .mean_age_s

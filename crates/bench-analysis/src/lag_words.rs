@@ -42,6 +42,21 @@ pub(crate) fn model(choice: &LagChoice, step_s: f64) -> Finding<ModelFinding> {
     Finding::Found(ModelFinding { candidates, chosen, text, sum_s: estimate(best.sum_s) })
 }
 
+/// With the uncertainty of the lateness beyond that of the fit, by `add`: what shifts a channel in time is part of its
+/// delay, or of the lag where there is no delay.
+pub(crate) fn less_certain(model: Finding<ModelFinding>, add: impl Fn(f64) -> f64) -> Finding<ModelFinding> {
+    let Finding::Found(mut model) = model else { return model };
+    let widen = |e: &mut Estimate| e.standard_uncertainty = e.standard_uncertainty.map(&add);
+    widen(&mut model.sum_s);
+    for candidate in &mut model.candidates {
+        candidate.delay_s.iter_mut().for_each(widen);
+        if candidate.delay_s.is_none() {
+            candidate.lags_s.iter_mut().for_each(widen);
+        }
+    }
+    Finding::Found(model)
+}
+
 /// Why no model is chosen where the best one is early and smears at the same time.
 const OPPOSITE: &str = "no sensor: the best model is early by a delay and late by a lag. The reference has another shape \
                         than the channel: check soft iron, field, mount and lever arm";
@@ -75,7 +90,7 @@ fn text(choice: &LagChoice, best: &LagCandidate) -> String {
     }
 }
 
-/// The numbers of the chosen model, if it has a lag: `a first-order lag of 300.1 ± 2.4 ms (k = 2, of the fit alone)`.
+/// The numbers of the chosen model, if it has a lag: `a first-order lag of 300.1 ± 2.4 ms (k = 2)`.
 pub(crate) fn lag_in_words(model: &ModelFinding) -> Option<String> {
     let chosen = model.candidates.iter().find(|c| Some(&c.name) == model.chosen.as_ref())?;
     let number = |e: &Estimate| match e.standard_uncertainty {
@@ -88,7 +103,7 @@ pub(crate) fn lag_in_words(model: &ModelFinding) -> Option<String> {
         lags => format!("lags of {}", lags.iter().map(number).collect::<Vec<_>>().join(" and ")),
     };
     let delay = chosen.delay_s.as_ref().map(|d| format!("a delay of {} and ", number(d))).unwrap_or_default();
-    Some(format!("{delay}{lags} (k = 2, of the fit alone), so slow motion is {} late", number(&model.sum_s)))
+    Some(format!("{delay}{lags} (k = 2), so slow motion is {} late", number(&model.sum_s)))
 }
 
 /// The verdict, where a lag may make slow motion late although the best pure delay of this swing is within its margin.

@@ -175,7 +175,7 @@ fn lag(channel: &CardChannel) -> Option<String> {
     });
     (channel.has_lag() && !channel.is_in_doubt()).then(|| {
         format!(
-            "{}: {} of {}{} (U of the fit alone); {} ms is only the pure delay that fits this swing best; the gain depends on the \
+            "{}: {} of {}{}; {} ms is only the pure delay that fits this swing best; the gain depends on the \
              frequency",
             channel.name,
             channel.model,

@@ -255,3 +255,21 @@ fn the_lag_of_a_magnetometer_in_an_unknown_field_is_within_its_uncertainty() {
         }
     }
 }
+
+/// Former bug: the U of a lag was that of the fit, without the reference: up to six of ten records were outside.
+#[test]
+fn a_lag_is_within_its_uncertainty_with_that_of_the_reference() {
+    use BenchChannel::{AngularRate, Attitude, SpecificForce, VelocityIns};
+    const LAG_S: f64 = 0.1;
+    let cases = [(VelocityIns, 0.02), (Attitude, 1e-3), (AngularRate, 5e-3), (SpecificForce, 0.05)];
+    let error = |(channel, noise): (BenchChannel, f64), seed: u64| {
+        let sensor = BenchSensor { lags_s: vec![LAG_S], ..BenchSensor::noisy(100.0, noise) };
+        let found = alone(channel, BenchSettings { seed, ..BenchSettings::default() }, sensor);
+        let slow = found.model.found().unwrap().sum_s;
+        (slow.value - LAG_S) / slow.standard_uncertainty.unwrap()
+    };
+    let errors: Vec<f64> = (0..40).into_par_iter().map(|k| error(cases[k % 4], k as u64)).collect();
+    // Of 40 normal errors, more than six are outside of k = 2 once in 600 runs.
+    let outside = errors.iter().filter(|z| z.abs() > 2.0).count();
+    assert!(outside <= 6 && errors.iter().all(|z| z.abs() < 4.2), "{outside} outside: {errors:?}");
+}
