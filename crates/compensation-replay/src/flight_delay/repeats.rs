@@ -54,10 +54,10 @@ impl Repeats {
         }
         let (from, duration_s) = self.longest;
         let text = format!(
-            "{}: {} dropped, which repeat the one before: for up to {duration_s:.1} s, from {from:.0} s on, while {} \
-             moves by {:.0} m",
+            "{}: {} dropped. The longest repetition lasts {duration_s:.1} s, from {from:.0} s \
+             on. By {} the vehicle moves {:.0} m meanwhile",
             names.first,
-            number_of(self.fixes, "fix", "fixes"),
+            number_of(self.fixes, "repeated fix", "repeated fixes"),
             names.second,
             self.moved_m
         );

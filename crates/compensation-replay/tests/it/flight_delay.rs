@@ -399,8 +399,8 @@ fn a_fix_repeated_in_an_outage_is_dropped_and_the_delay_stays() {
     assert!((held.value - 0.4).abs() < 4.0 * after, "{held:?}");
     // A sixth of the fixes is lost: U grows by 10 %, and by as much again if the lost part shows the delay best.
     assert!(after < 1.25 * before, "{held:?} {intact:?}");
-    let text = notices.iter().map(|n| &n.text).find(|text| text.contains("repeat the one before")).unwrap();
-    assert!(text.contains("100 fixes dropped"), "{text}");
+    let text = notices.iter().map(|n| &n.text).find(|text| text.contains("repeated fix")).unwrap();
+    assert!(text.contains("100 repeated fixes dropped"), "{text}");
 }
 
 #[test]
