@@ -2,7 +2,7 @@
 //!
 //! Each axis of a magnetometer reads 1, sin ξ and cos ξ with coefficients that depend on field, iron and mount, and are
 //! fitted. A lag damps sin ξ less than cos ξ, which has twice its frequency: coefficients fitted without the lag have
-//! the wrong ratio, and make the lag come out too short (200 ms by 1 to 3 ms). So lag and coefficients are fitted
+//! the wrong ratio, and make the lag come out too short (200 ms by 2 to 7 ms). So lag and coefficients are fitted
 //! together.
 
 use crate::pattern::Samples;
