@@ -20,7 +20,6 @@ mod over_time;
 mod pairs;
 mod pieces;
 mod reference;
-mod repeats;
 pub(crate) mod residual;
 mod skew;
 mod split;

@@ -17,8 +17,6 @@ pub(crate) struct Prepared {
     pub(crate) origin: DelayOrigin,
     /// The measured channel.
     pub(crate) first: Horizontal,
-    /// Whether it is a position, and not a velocity.
-    pub(crate) first_is_position: bool,
     /// A rate to be integrated, or a track.
     pub(crate) second: Horizontal,
     /// Whether the second is a rate.
@@ -83,7 +81,6 @@ pub(crate) fn prepare(flight: &Flight, pair: &Pair, most: Most, notices: &mut No
     Ok(Prepared {
         origin: DelayOrigin { origin_ns: origin.0, clock: first.series.timeline().clock() },
         first: first_local,
-        first_is_position: matches!(first.quantity, Quantity::PositionGeodetic | Quantity::PositionNed),
         second: second_local,
         integrate: matches!(pair.second, Second::Velocity(_) | Second::Acceleration { .. }),
         body,

@@ -4,7 +4,6 @@ use super::FlightDelaySettings;
 use super::disturbance::disturbances;
 use super::local::{BodyAxes, Prepared};
 use super::reference::{Integral, Interpolated};
-use super::repeats::Repeats;
 use crate::horizontal::{AXES, Horizontal};
 use flight::{Code, Notices, Severity};
 use signal::Reference;
@@ -236,15 +235,13 @@ fn begun_by(k: usize, stretch: usize, stretches: &[Stretch], names: &Names) -> S
 struct Cuts {
     glitches: u64,
     wild: u64,
-    repeats: Repeats,
     resets: u64,
     gaps: u64,
 }
 
 impl Cuts {
     fn report(&self, names: &Names, notices: &mut Notices) {
-        let Cuts { glitches, wild, repeats, resets, gaps } = self;
-        repeats.report(names, notices);
+        let Cuts { glitches, wild, resets, gaps } = self;
         if *glitches > 0 {
             let samples = number_of(*glitches, "sample", "samples");
             let text = format!("{}: {samples} dropped for a jump away from the neighbours", names.first);
@@ -279,11 +276,7 @@ pub(crate) fn pieces(
     let mut out: Vec<Piece> = vec![];
     let mut counts = Cuts { gaps: (stretches.len() as u64).saturating_sub(1), ..Cuts::default() };
     for (stretch, references) in stretches.iter().enumerate() {
-        let mut rows: Vec<usize> = (0..first.t.len()).filter(|&k| home[k] == Some(stretch)).collect();
-        if prepared.first_is_position {
-            let track = |k: usize| AXES.map(|axis| references[axis].value_and_rate(first.t[k] - delay_s).0);
-            counts.repeats.remove(&mut rows, first, track);
-        }
+        let rows: Vec<usize> = (0..first.t.len()).filter(|&k| home[k] == Some(stretch)).collect();
         if rows.is_empty() {
             continue;
         }
@@ -304,7 +297,7 @@ pub(crate) fn pieces(
 }
 
 /// `1 sample`, `2 samples`.
-pub(super) fn number_of(n: u64, one: &str, many: &str) -> String {
+fn number_of(n: u64, one: &str, many: &str) -> String {
     format!("{n} {}", if n == 1 { one } else { many })
 }
 

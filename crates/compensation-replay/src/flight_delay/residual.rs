@@ -50,17 +50,7 @@ impl TrackFitter {
         let origin = DelayOrigin { origin_ns: 0, clock: Clock::Elapsed };
         let first = Horizontal::default();
         TrackFitter {
-            prepared: Prepared {
-                origin,
-                first,
-                first_is_position: true,
-                second,
-                integrate: true,
-                body: None,
-                speed,
-                one_in: 1,
-                stamps_s: 0.0,
-            },
+            prepared: Prepared { origin, first, second, integrate: true, body: None, speed, one_in: 1, stamps_s: 0.0 },
         }
     }
 

@@ -380,29 +380,6 @@ fn held_rows_do_not_make_a_position_later() {
 }
 
 /// Three resets of 5 to 40 m, and a velocity gap of 8 s: the delay is unchanged, and both are reported.
-/// Former bug: 20 s of one repeated fix made U 40 times larger, with no word about it.
-#[test]
-fn a_fix_repeated_in_an_outage_is_dropped_and_the_delay_stays() {
-    let mut flight = flown(&receiver(5));
-    let (intact, _) = only(&flight, &quick());
-    let mut shown = [0.0; 3];
-    let position = changed(&flight.channels["position.gps"], |_, t, fix| {
-        if !(50.0..70.0).contains(&t) {
-            shown = fix;
-        }
-        Some((t, shown))
-    });
-    flight.insert("position.gps", position);
-    let (held, notices) = only(&flight, &quick());
-    let (intact, held) = (found(&intact).delay_s, found(&held).delay_s);
-    let [before, after] = [intact, held].map(|delay| delay.standard_uncertainty.unwrap());
-    assert!((held.value - 0.4).abs() < 4.0 * after, "{held:?}");
-    // A sixth of the fixes is lost: U grows by 10 %, and by as much again if the lost part shows the delay best.
-    assert!(after < 1.25 * before, "{held:?} {intact:?}");
-    let text = notices.iter().map(|n| &n.text).find(|text| text.contains("repeated fix")).unwrap();
-    assert!(text.contains("100 repeated fixes dropped"), "{text}");
-}
-
 #[test]
 fn resets_and_gaps_split_the_record_and_keep_the_delay() {
     let mut settings = receiver(6);

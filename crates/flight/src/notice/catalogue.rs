@@ -276,7 +276,7 @@ catalogue! {
                  its own offset, or is a magnetometer swing at its own azimuth.",
                 "Nothing, if they are expected. Many splits make the interval of the delay wider.";
             SamplesLeftOut, "samples-left-out", [Warning, Info],
-                "Samples are not used for the delay: jumps, spikes, far or repeated fixes, stretches where the channels \
+                "Samples are not used for the delay: jumps, spikes, fixes far away, stretches where the channels \
                  contradict each other, rest, parts that are too short. If there are very many samples, only every \
                  n-th is used, or neighbours are averaged.",
                 "Look at the marked samples on the page of the flight.";
