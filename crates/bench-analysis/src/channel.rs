@@ -165,9 +165,10 @@ impl Beyond {
         Beyond { reference_s, change_s: 0.0, stamps_s: stamp_uncertainty(channel, updates), anchor_s }
     }
 
-    /// The standard uncertainty of a constant lateness from that of its fit, s.
+    /// The standard uncertainty of a lateness from that of its fit, s.
     fn added_to(self, fit_s: f64, fit: &DelayFit) -> f64 {
-        with_reference(fit_s, self.reference_s, fit.components.len()).hypot(self.stamps_s).hypot(self.anchor_s)
+        let own_s = with_reference(fit_s, self.reference_s, fit.components.len());
+        own_s.hypot(self.stamps_s).hypot(self.anchor_s).hypot(self.change_s)
     }
 }
 
@@ -179,7 +180,7 @@ fn delay_finding(
     beyond: Beyond,
 ) -> DelayFinding {
     let Beyond { reference_s, change_s, stamps_s, anchor_s } = beyond;
-    let standard_uncertainty_s = beyond.added_to(fit.standard_uncertainty_s, fit).hypot(change_s);
+    let standard_uncertainty_s = beyond.added_to(fit.standard_uncertainty_s, fit);
     let judgement = evidence(bench, updates, fit, standard_uncertainty_s).judge();
     let as_seen = updates
         .mean_age_s
