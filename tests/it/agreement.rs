@@ -119,10 +119,11 @@ fn a_wide_table_gives_the_velocity_bit_for_bit_and_marks_the_held_positions() {
 
 #[test]
 fn the_demo_has_twelve_flights_and_only_the_truncated_one_lost_data() {
-    let folder = tempfile::tempdir().unwrap();
-    let manifest = simulate::write_demo(folder.path(), 1).unwrap();
+    let folder = crate::shared::demo().join("demo/flights");
+    let truth = std::fs::read(folder.join(simulate::TRUTH_FILE)).unwrap();
+    let manifest: simulate::DemoManifest = serde_json::from_slice(&truth).unwrap();
     let library = MapLibrary::shipped().unwrap();
-    let found = ingest::discover(folder.path(), &library).unwrap();
+    let found = ingest::discover(&folder, &library).unwrap();
     let ids: Vec<&str> = found.units.iter().map(|unit| unit.id.as_str()).collect();
     assert_eq!(ids, manifest.flights.iter().map(|flight| flight.path.as_str()).collect::<Vec<_>>());
     assert_eq!(found.ignored.iter().map(|(path, _)| path.as_str()).collect::<Vec<_>>(), [simulate::TRUTH_FILE]);

@@ -1,7 +1,6 @@
 //! The whole bench: records with known truth, through files, command and card.
 
 use crate::agreement::{channels, containers, read_back};
-use crate::program::run;
 use bench_analysis::{BenchInput, Rig, bench};
 use record::{Finding, IronCalibration, SensorCard, TimeBasis, Verdict};
 use simulate::{
@@ -81,16 +80,12 @@ fn delays_of_a_simulated_sensor_are_found_within_their_uncertainty() {
 /// The demo's records through the command: one card for each sensor.
 #[test]
 fn the_command_makes_a_card_that_matches_the_truth() {
-    let folder = tempfile::tempdir().unwrap();
-    let demo: BenchDemo = simulate::write_bench_demo(folder.path(), 1).unwrap();
+    let folder = crate::shared::demo().join("demo");
+    let truth = fs::read(folder.join("bench").join(simulate::TRUTH_FILE)).unwrap();
+    let demo: BenchDemo = serde_json::from_slice(&truth).unwrap();
     for serial in demo.records.iter().map(|r| r.serial.clone()).collect::<BTreeSet<_>>() {
         let of_sensor: Vec<_> = demo.records.iter().filter(|r| r.serial == serial).collect();
-        let logs: BTreeSet<&str> = of_sensor.iter().flat_map(|r| [r.sensor.as_str(), r.encoder.as_str()]).collect();
-        let out = folder.path().join(format!("report-{serial}"));
-        let mut arguments = vec!["bench".to_owned()];
-        arguments.extend(logs.iter().map(|log| folder.path().join(log).display().to_string()));
-        arguments.extend(["--out".to_owned(), out.display().to_string(), "--quiet".to_owned()]);
-        run(&arguments, 0);
+        let out = folder.join("bench-report").join(serial.to_lowercase());
         let card = card_in(&out);
         assert_eq!(card.sensor.serial.as_deref(), Some(serial.as_str()));
         assert_eq!(card.records.len(), of_sensor.len());

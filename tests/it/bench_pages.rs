@@ -1,48 +1,22 @@
 //! Bench pages in a real browser: the reference is shifted by hand, and everything fits on few sheets.
 
 use crate::browser::Browser;
-use crate::program::run;
 use record::BenchRecord;
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Report of the demo's sensor with the most swings.
-struct Report {
-    folder: tempfile::TempDir,
+/// Page and record of the first swing of the demo's sensor with the most swings.
+fn first_swing() -> (PathBuf, BenchRecord) {
+    let folders = fs::read_dir(report().join("records")).unwrap();
+    let first = folders.map(|entry| entry.unwrap().path()).min().unwrap();
+    let record = serde_json::from_slice(&fs::read(first.join("record.json")).unwrap()).unwrap();
+    (first.join("index.html"), record)
 }
 
-impl Report {
-    fn make() -> Report {
-        let folder = tempfile::tempdir().unwrap();
-        let demo = simulate::write_bench_demo(folder.path(), 1).unwrap();
-        let serials: Vec<&str> = demo.records.iter().map(|r| r.serial.as_str()).collect();
-        let swings = |serial: &str| serials.iter().filter(|s| **s == serial).count();
-        let most = serials.iter().max_by_key(|serial| swings(serial)).unwrap();
-        let of_sensor = demo.records.iter().filter(|r| r.serial == **most);
-        let logs: BTreeSet<&str> = of_sensor.flat_map(|r| [r.sensor.as_str(), r.encoder.as_str()]).collect();
-        let mut arguments = vec!["bench".to_owned()];
-        arguments.extend(logs.iter().map(|log| folder.path().join(log).display().to_string()));
-        arguments.extend([
-            "--out".to_owned(),
-            folder.path().join("report").display().to_string(),
-            "--quiet".to_owned(),
-        ]);
-        run(&arguments, 0);
-        Report { folder }
-    }
-
-    fn card(&self) -> PathBuf {
-        self.folder.path().join("report/index.html")
-    }
-
-    /// Page and record of the first swing.
-    fn record(&self) -> (PathBuf, BenchRecord) {
-        let folders = fs::read_dir(self.folder.path().join("report/records")).unwrap();
-        let first = folders.map(|entry| entry.unwrap().path()).min().unwrap();
-        let record = serde_json::from_slice(&fs::read(first.join("record.json")).unwrap()).unwrap();
-        (first.join("index.html"), record)
-    }
+/// Report of this sensor.
+fn report() -> PathBuf {
+    crate::shared::demo().join("demo/bench-report/sim-0001")
 }
 
 fn open(browser: &mut Browser, page: &Path) {
@@ -56,8 +30,7 @@ const BENCH: &str = "document.getElementById('shift').bench";
 #[test]
 fn shifting_the_reference_by_hand_is_best_at_the_found_delay() {
     let Some(mut browser) = Browser::start() else { return };
-    let report = Report::make();
-    let (page, record) = report.record();
+    let (page, record) = first_swing();
     open(&mut browser, &page);
     let names = browser.eval(&format!("{BENCH}.panels.map((p) => p.name)"));
     let names: Vec<&str> = names.as_array().unwrap().iter().map(|name| name.as_str().unwrap()).collect();
@@ -109,8 +82,7 @@ fn shifting_the_reference_by_hand_is_best_at_the_found_delay() {
 #[test]
 fn bench_panels_share_window_and_cursor_and_replace_the_screen_figure() {
     let Some(mut browser) = Browser::start() else { return };
-    let report = Report::make();
-    let (page, _) = report.record();
+    let (page, _) = first_swing();
     open(&mut browser, &page);
     let plots = format!("{BENCH}.plots");
     let over = "document.querySelectorAll('#shift .u-over')[1]";
@@ -143,9 +115,8 @@ fn bench_panels_share_window_and_cursor_and_replace_the_screen_figure() {
 #[test]
 fn bench_pages_are_small_accessible_and_print_on_few_sheets() {
     let Some(mut browser) = Browser::start() else { return };
-    let report = Report::make();
-    let (page, record) = report.record();
-    for (page, most) in [(&page, 12), (&report.card(), 4)] {
+    let (page, record) = first_swing();
+    for (page, most) in [(&page, 12), (&report().join("index.html"), 4)] {
         let bytes = fs::metadata(page).unwrap().len();
         assert!(bytes <= 1_500_000, "{}: {bytes} bytes", page.display());
         for (width, scheme) in [(1440, "light"), (800, "dark"), (400, "light")] {

@@ -198,9 +198,9 @@ fn inspect_ends_with_3_for_a_truncated_log() {
 
 #[test]
 fn the_demo_runs_and_names_the_page_to_open() {
-    let folder = tempfile::tempdir().unwrap();
-    let demo = folder.path().join("demo");
-    let printed = text(&run(["demo".as_ref(), demo.as_os_str(), "--run".as_ref()], 0).stdout);
+    let folder = crate::shared::demo();
+    let demo = folder.join("demo");
+    let printed = std::fs::read_to_string(folder.join("printed.txt")).unwrap();
     let page = demo.join("report/index.html");
     assert!(printed.contains(&format!("open {}", page.display())), "{printed}");
     assert!(page.exists());

@@ -12,23 +12,25 @@ mod campaign_fixture;
 
 /// The page of a number of flights on disk.
 struct Index {
-    folder: tempfile::TempDir,
+    folder: PathBuf,
     record: CampaignRecord,
 }
 
 impl Index {
     fn of(flights: usize) -> Index {
-        let (folder, record) = (tempfile::tempdir().unwrap(), campaign_fixture::varied(flights));
-        for (path, bytes) in &campaign_site(&record, &[]).files {
-            let file = folder.path().join(path);
-            fs::create_dir_all(file.parent().unwrap()).unwrap();
-            fs::write(file, bytes).unwrap();
-        }
-        Index { folder, record }
+        let record = campaign_fixture::varied(flights);
+        let write = |folder: &Path| {
+            for (path, bytes) in &campaign_site(&record, &[]).files {
+                let file = folder.join(path);
+                fs::create_dir_all(file.parent().unwrap()).unwrap();
+                fs::write(file, bytes).unwrap();
+            }
+        };
+        Index { folder: crate::shared::folder(&format!("index-of-{flights}"), write), record }
     }
 
     fn page(&self) -> PathBuf {
-        self.folder.path().join("index.html")
+        self.folder.join("index.html")
     }
 
     fn count(&self, wanted: impl Fn(&FlightRow) -> bool) -> usize {
@@ -316,7 +318,7 @@ fn large_campaigns_are_paginated_and_their_links_resolve() {
     browser.open(&index.page(), "");
     assert_eq!(browser.eval("document.querySelector('table.sortable')"), Value::Null);
     is_quiet(&mut browser);
-    let folder: &Path = index.folder.path();
+    let folder = &index.folder;
     for page in 1..=3 {
         let path = folder.join(format!("table/{page}.html"));
         browser.open(&path, "");

@@ -22,4 +22,5 @@ mod program;
 mod real_logs;
 mod reference;
 mod schemas;
+mod shared;
 mod sources;

@@ -2,7 +2,7 @@
 
 use crate::browser::Browser;
 use crate::program::{flightlag, run, tree};
-use crate::reference;
+use crate::{reference, shared};
 use record::{CampaignRecord, FlightRecord};
 use serde_json::Value;
 use simulate::{FlightSettings, SensorSettings, simulate};
@@ -14,28 +14,32 @@ const SPIKE_M: f64 = 500.0;
 
 /// A report of two simulated flights with truth, one with a wrong fix, and of a file that is not a log.
 struct Report {
-    folder: tempfile::TempDir,
+    folder: PathBuf,
 }
 
 impl Report {
-    fn make() -> Report {
-        let report = Report { folder: tempfile::tempdir().unwrap() };
-        let flights = report.folder.path().join("flights");
-        simulate::write_campaign(&flights, 2, 60.0, 7).unwrap();
-        write_spike(&flights.join("spike_POS.csv"));
-        fs::write(flights.join("<b>none<b>.csv"), "a,b\n1,2\n3,4\n").unwrap();
-        let pipeline = report.folder.path().join("p.toml");
-        fs::write(&pipeline, "schema = 1\n[delay]\nposition_s = 0.3\nsource = \"simulated\"\n").unwrap();
-        let path = |path: PathBuf| path.to_str().unwrap().to_owned();
-        let out = path(report.folder.path().join("report"));
-        run(["campaign", &path(flights), "--out", &out, "--pipeline", &path(pipeline)], 3);
-        report
+    fn whole() -> Report {
+        let make = |folder: &Path| {
+            let flights = folder.join("flights");
+            simulate::write_campaign(&flights, 2, 60.0, 7).unwrap();
+            write_spike(&flights.join("spike_POS.csv"));
+            fs::write(flights.join("<b>none<b>.csv"), "a,b\n1,2\n3,4\n").unwrap();
+            let pipeline = folder.join("p.toml");
+            fs::write(&pipeline, "schema = 1\n[delay]\nposition_s = 0.3\nsource = \"simulated\"\n").unwrap();
+            let path = |path: PathBuf| path.to_str().unwrap().to_owned();
+            let out = path(folder.join("report"));
+            run(["campaign", &path(flights), "--out", &out, "--pipeline", &path(pipeline)], 3);
+        };
+        Report { folder: shared::folder("pages", make) }
     }
 
     /// A report of one flight with two seconds of rows missing.
-    fn make_with_gap() -> Report {
-        let report = Report { folder: tempfile::tempdir().unwrap() };
-        let flights = report.folder.path().join("flights");
+    fn with_gap() -> Report {
+        Report { folder: shared::folder("page-with-gap", Report::write_with_gap) }
+    }
+
+    fn write_with_gap(folder: &Path) {
+        let flights = folder.join("flights");
         fs::create_dir(&flights).unwrap();
         let table = flights.join("gap_POS.csv");
         write_spike(&table);
@@ -45,22 +49,21 @@ impl Report {
         let kept = lines.iter().enumerate().filter(|(n, _)| !(lost..lost + 100).contains(n)).map(|(_, line)| *line);
         fs::write(&table, kept.collect::<Vec<_>>().join("\n") + "\n").unwrap();
         let path = |path: PathBuf| path.to_str().unwrap().to_owned();
-        let pipeline = report.folder.path().join("p.toml");
+        let pipeline = folder.join("p.toml");
         fs::write(&pipeline, "schema = 1\n[delay]\nposition_s = 0.3\nsource = \"simulated\"\n").unwrap();
-        let out = path(report.folder.path().join("report"));
+        let out = path(folder.join("report"));
         let ran =
             flightlag(["campaign", &path(flights), "--out", &out, "--pipeline", &path(pipeline)]).output().unwrap();
         // 3: the effect of the gap on the delay may count as a change.
         assert!(matches!(ran.status.code(), Some(0 | 3)), "{}", String::from_utf8_lossy(&ran.stderr));
-        report
     }
 
     fn path(&self, name: &str) -> PathBuf {
-        self.folder.path().join("report").join(name)
+        self.folder.join("report").join(name)
     }
 
     fn campaign(&self) -> CampaignRecord {
-        campaign::read_report(&self.folder.path().join("report")).unwrap().unwrap()
+        campaign::read_report(&self.folder.join("report")).unwrap().unwrap()
     }
 
     /// Page and record of the flight whose name contains these words.
@@ -73,7 +76,7 @@ impl Report {
     }
 
     fn pages(&self) -> Vec<PathBuf> {
-        let root = self.folder.path().join("report");
+        let root = self.folder.join("report");
         tree(&root).into_keys().filter(|p| p.extension().is_some_and(|e| e == "html")).map(|p| root.join(p)).collect()
     }
 }
@@ -119,7 +122,7 @@ fn on_panel(browser: &mut Browser, panel: usize, share: f64) -> [f64; 2] {
 #[test]
 fn track_and_numbers_follow_zooming_panning_and_pointing() {
     let Some(mut browser) = Browser::start() else { return };
-    let report = Report::make();
+    let report = Report::whole();
     let (page, record) = report.flight("flight-0001");
     let replay = record.replay.unwrap();
     explore(&mut browser, &page);
@@ -200,7 +203,7 @@ fn track_and_numbers_follow_zooming_panning_and_pointing() {
 #[test]
 fn fingers_and_buttons_pan_and_zoom_the_window() {
     let Some(mut browser) = Browser::start() else { return };
-    let report = Report::make();
+    let report = Report::whole();
     let (page, _) = report.flight("flight-0001");
     explore(&mut browser, &page);
     let whole = window(&mut browser);
@@ -236,7 +239,7 @@ fn fingers_and_buttons_pan_and_zoom_the_window() {
 #[test]
 fn figure_text_is_large_enough_at_every_width() {
     let Some(mut browser) = Browser::start() else { return };
-    let report = Report::make();
+    let report = Report::whole();
     for page in report.pages() {
         for width in [1440, 1100, 940, 800, 400] {
             browser.size(width, 900, "light");
@@ -251,7 +254,7 @@ fn figure_text_is_large_enough_at_every_width() {
 #[test]
 fn a_single_wrong_fix_is_visible_at_every_zoom() {
     let Some(mut browser) = Browser::start() else { return };
-    let report = Report::make();
+    let report = Report::whole();
     let (page, _) = report.flight("spike");
     explore(&mut browser, &page);
     let plots = "document.getElementById('explorer').explorer.plots";
@@ -275,7 +278,7 @@ fn a_single_wrong_fix_is_visible_at_every_zoom() {
 #[test]
 fn an_anomaly_time_opens_it_in_the_explorer() {
     let Some(mut browser) = Browser::start() else { return };
-    let report = Report::make_with_gap();
+    let report = Report::with_gap();
     let (page, record) = report.flight("gap");
     explore(&mut browser, &page);
     let link = "document.querySelector('#anomalies ~ * a[data-t]')";
@@ -290,7 +293,7 @@ fn an_anomaly_time_opens_it_in_the_explorer() {
 #[test]
 fn axe_finds_no_fault_on_any_page_at_any_width_or_scheme() {
     let Some(mut browser) = Browser::start() else { return };
-    let report = Report::make();
+    let report = Report::whole();
     for page in report.pages() {
         for (width, scheme) in [(1440, "light"), (1440, "dark"), (400, "light"), (400, "dark")] {
             browser.size(width, 900, scheme);
@@ -305,7 +308,7 @@ fn axe_finds_no_fault_on_any_page_at_any_width_or_scheme() {
 #[test]
 fn the_flight_table_filters_sorts_and_keeps_its_state_in_the_address() {
     let Some(mut browser) = Browser::start() else { return };
-    let report = Report::make();
+    let report = Report::whole();
     browser.size(1440, 900, "light");
     let index = report.path("index.html");
     browser.open(&index, "");
@@ -333,7 +336,7 @@ fn the_flight_table_filters_sorts_and_keeps_its_state_in_the_address() {
 #[test]
 fn a_table_is_saved_at_full_precision_with_uncertainty_columns() {
     let Some(mut browser) = Browser::start() else { return };
-    let report = Report::make();
+    let report = Report::whole();
     let (page, record) = report.flight("flight-0001");
     browser.open(&page, "");
     // Intercepts the file before the browser saves it.
@@ -356,7 +359,7 @@ fn a_table_is_saved_at_full_precision_with_uncertainty_columns() {
 #[test]
 fn pages_load_nothing_else_do_not_overflow_and_have_no_dead_links() {
     let Some(mut browser) = Browser::start() else { return };
-    let report = Report::make();
+    let report = Report::whole();
     for page in report.pages() {
         for (width, scheme) in [(1440, "light"), (400, "dark")] {
             browser.size(width, 900, scheme);
@@ -394,7 +397,7 @@ fn percent_decoded(link: &str) -> String {
 #[test]
 fn a_flight_prints_on_few_pages_without_screen_only_parts() {
     let Some(mut browser) = Browser::start() else { return };
-    let report = Report::make();
+    let report = Report::whole();
     let (page, _) = report.flight("flight-0001");
     explore(&mut browser, &page);
     let pages = browser.printed_pages();

@@ -1,6 +1,7 @@
 //! Machine-readable output: it matches the published schemas, and the pages contain no number that is not in it.
 
-use crate::program::{run, text};
+use crate::program::{flightlag, run, text};
+use crate::shared;
 use serde_json::Value;
 use simulate::write_campaign;
 use std::collections::BTreeSet;
@@ -9,15 +10,20 @@ use std::path::{Path, PathBuf};
 
 /// Reports of two flights with a test card and criteria, and of a bench, with the lines of `--json`.
 struct Reports {
-    _folder: tempfile::TempDir,
     campaign: PathBuf,
     bench: PathBuf,
     events: Vec<Value>,
 }
 
 fn reports() -> Reports {
-    let folder = tempfile::tempdir().unwrap();
-    let path = |name: &str| folder.path().join(name);
+    let folder = shared::folder("schemas", write_reports);
+    let printed = fs::read_to_string(folder.join("printed.txt")).unwrap();
+    let events = printed.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    Reports { campaign: folder.join("report"), bench: folder.join("bench"), events }
+}
+
+fn write_reports(folder: &Path) {
+    let path = |name: &str| folder.join(name);
     let words = |path: &Path| path.to_str().unwrap().to_owned();
     write_campaign(&path("flights"), 2, 60.0, 7).unwrap();
     fs::write(path("flights/broken.csv"), "a,b\n1,2\n3,4\n").unwrap();
@@ -28,14 +34,10 @@ fn reports() -> Reports {
     let (flights, campaign) = (words(&path("flights")), words(&path("report")));
     let (pipeline, criteria) = (words(&path("p.toml")), words(&criteria));
     let order = ["campaign", &flights, "--out", &campaign, "--pipeline", &pipeline, "--criteria", &criteria, "--json"];
-    let mut printed = text(&crate::program::flightlag(order).output().unwrap().stdout);
-    run(["demo", &words(&path("demo")), "--quiet"], 0);
-    let bench = words(&path("bench"));
-    let record = words(&path("demo/bench/gps-1.mcap"));
-    printed +=
-        &text(&crate::program::flightlag(["bench", &record, "--out", &bench, "--json"]).output().unwrap().stdout);
-    let events = printed.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
-    Reports { campaign: campaign.into(), bench: bench.into(), events, _folder: folder }
+    let mut printed = text(&flightlag(order).output().unwrap().stdout);
+    let (record, bench) = (words(&shared::demo().join("demo/bench/gps-1.mcap")), words(&path("bench")));
+    printed += &text(&flightlag(["bench", &record, "--out", &bench, "--json"]).output().unwrap().stdout);
+    fs::write(path("printed.txt"), printed).unwrap();
 }
 
 fn json(path: &Path) -> Value {

@@ -14,6 +14,7 @@ use settings::{Refused, SettingsFile};
 use std::collections::BTreeMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 /// The commented example of a channel map: it uses every key.
 pub const EXAMPLE_MAP: &str = pipelines::EXAMPLE_MAP;
@@ -491,11 +492,16 @@ impl MapLibrary {
     /// # Errors
     /// [`IngestError::BadMap`]; a test ensures that this does not happen.
     pub fn shipped() -> Result<MapLibrary, IngestError> {
+        // Parsed once in a process.
+        static PARSED: OnceLock<MapLibrary> = OnceLock::new();
+        if let Some(library) = PARSED.get() {
+            return Ok(library.clone());
+        }
         let mut library = MapLibrary::default();
         for (name, text) in SHIPPED {
             library.add(ChannelMap { shipped: true, ..ChannelMap::from_toml(Path::new(name), text)? });
         }
-        Ok(library)
+        Ok(PARSED.get_or_init(|| library).clone())
     }
 
     /// Adds the `*.toml` of a folder, and the definitions `PACKAGE/msg/TYPE.msg` in it and below it; a map replaces a

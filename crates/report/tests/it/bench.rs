@@ -9,6 +9,7 @@ use record::{
     Verdict,
 };
 use report::{BenchPage, CardPage, CardRecord, IndexedCard, Site, WithoutMean, bench_site, card_site, cards_site};
+use std::sync::LazyLock;
 
 fn site(record: &BenchRecord) -> Site {
     let command = "flightlag bench swing-07-encoder.csv swing-07-mtig.csv --rig bench.rig.toml";
@@ -19,7 +20,23 @@ fn page(record: &BenchRecord) -> String {
     text(&site(record), "index.html")
 }
 
-fn the_card() -> Site {
+/// The pages of the record with everything, made once.
+fn whole_site() -> &'static Site {
+    static SITE: LazyLock<Site> = LazyLock::new(|| site(&bench_record()));
+    &SITE
+}
+
+fn whole_page() -> String {
+    text(whole_site(), "index.html")
+}
+
+/// The pages of the card, made once.
+fn the_card() -> &'static Site {
+    static SITE: LazyLock<Site> = LazyLock::new(made_card);
+    &SITE
+}
+
+fn made_card() -> Site {
     let (card, records) = card();
     card_of(&card, &records)
 }
@@ -38,11 +55,10 @@ fn card_of(card: &SensorCard, records: &[BenchRecord]) -> Site {
     })
 }
 
-pub fn all_sites() -> Vec<Site> {
-    let records = [bench_record(), silent_bench_record(), failed_bench_record()];
-    let mut sites: Vec<Site> = records.iter().map(site).collect();
-    sites.push(the_card());
-    sites
+pub fn all_sites() -> [Site; 4] {
+    let others = [silent_bench_record(), failed_bench_record()];
+    let [silent, failed] = others.each_ref().map(site);
+    [whole_site().clone(), silent, failed, the_card().clone()]
 }
 
 /// The visible text: the page without its tags.
@@ -81,7 +97,7 @@ fn every_number_with_its_bits_on_a_bench_page_is_rounded_from_them() {
 #[test]
 fn the_estimates_of_every_channel_are_on_the_page() {
     let record = bench_record();
-    let data = data(&page(&record));
+    let data = data(&whole_page());
     let mut expected: Vec<f64> = Vec::new();
     let in_ms = |e: &Estimate| e.value * 1e3;
     for c in &record.findings.as_ref().unwrap().channels {
@@ -106,7 +122,7 @@ fn the_estimates_of_every_channel_are_on_the_page() {
 
 #[test]
 fn the_answer_comes_first_with_its_interval_and_its_reference() {
-    let html = page(&bench_record());
+    let html = whole_page();
     let words = words(&html);
     // u = 0.8 ms; Student with 1.97.
     let value = words.find("400.3\u{a0}±\u{a0}1.6").unwrap();
@@ -120,7 +136,7 @@ fn the_answer_comes_first_with_its_interval_and_its_reference() {
 #[test]
 fn every_verdict_is_a_word_in_the_strip_and_in_its_channel_row() {
     let record = bench_record();
-    let html = page(&record);
+    let html = whole_page();
     let words = [
         (Verdict::Delayed, "Late"),
         (Verdict::Early, "Early"),
@@ -142,7 +158,7 @@ fn every_verdict_is_a_word_in_the_strip_and_in_its_channel_row() {
 #[test]
 fn unknown_results_are_shown_with_their_reason() {
     let record = bench_record();
-    let html = page(&record);
+    let html = whole_page();
     for c in &record.findings.as_ref().unwrap().channels {
         if let Finding::CannotTell(why) = &c.response {
             assert!(html.contains(&format!("— {why}")), "{why}");
@@ -177,7 +193,7 @@ fn curves(svg: &str, name: &str) -> Vec<Vec<(f64, f64)>> {
 
 #[test]
 fn fig_4_has_the_panels_of_the_paper_in_order_and_then_height() {
-    let site = site(&bench_record());
+    let site = whole_site();
     for path in ["figures/fig-4.svg", "figures/fig-4-whole.svg"] {
         let svg = text(&site, path);
         let names = [
@@ -199,7 +215,7 @@ fn fig_4_has_the_panels_of_the_paper_in_order_and_then_height() {
 
 #[test]
 fn the_delay_is_drawn_to_scale() {
-    let svg = text(&site(&bench_record()), "figures/fig-4.svg");
+    let svg = text(whole_site(), "figures/fig-4.svg");
     let dimension: Vec<(f64, f64)> = read(&svg)
         .iter()
         .filter(|t| t.name == "path" && t.get("stroke") == Some("#b42318"))
@@ -294,7 +310,7 @@ fn channels_whose_names_differ_only_in_punctuation_get_separate_sections() {
 
 #[test]
 fn the_method_text_reflects_the_options_used() {
-    let with = page(&bench_record());
+    let with = whole_page();
     for text in [
         "Ornstein–Uhlenbeck process and white noise together",
         "Huber weights",
@@ -328,7 +344,7 @@ fn the_method_text_reflects_the_options_used() {
 #[test]
 fn provenance_lists_the_inputs_and_the_rig() {
     let record = bench_record();
-    let html = page(&record);
+    let html = whole_page();
     let provenance = html.split("id=\"provenance\"").nth(1).unwrap();
     for log in &record.logs {
         for input in &log.inputs {
@@ -341,7 +357,7 @@ fn provenance_lists_the_inputs_and_the_rig() {
 
 #[test]
 fn a_channel_is_marked_if_the_data_contradict_its_rig_values() {
-    let html = text(&the_card(), "index.html");
+    let html = text(the_card(), "index.html");
     assert_eq!(html.matches("in doubt").count(), 3, "the reason, the answer and one row");
     assert!(html.contains("swing-07: azimuth by &lt;imu&gt;") && html.contains("; slow motion "));
 }
@@ -486,7 +502,7 @@ fn an_outlier_of_a_card_is_named_and_drawn_differently() {
 
 #[test]
 fn card_channels_are_sorted_by_margins_of_lateness_and_name_a_reference() {
-    let html = text(&the_card(), "index.html");
+    let html = text(the_card(), "index.html");
     let words = words(&html);
     let answer = words.split("Validity: ").next().unwrap();
     let gps =
@@ -494,7 +510,7 @@ fn card_channels_are_sorted_by_margins_of_lateness_and_name_a_reference() {
     let ins =
         answer.find("position.ins is late by 400.3\u{a0}±\u{a0}1.1\u{a0}ms, relative to angular-rate.imu").unwrap();
     assert!(gps < ins && ins < answer.find("magnetic-field.imu is early by").unwrap());
-    let svg = text(&the_card(), "figures/forest.svg");
+    let svg = text(the_card(), "figures/forest.svg");
     let order =
         ["position.gps", "position.ins", "height.baro", "magnetic-field.imu", "attitude.ins", "specific-force.imu"];
     let places: Vec<usize> = order
@@ -515,7 +531,7 @@ fn card_channels_are_sorted_by_margins_of_lateness_and_name_a_reference() {
 
 #[test]
 fn the_wander_removed_from_a_drawn_position_is_stated_above_its_panel() {
-    let svg = text(&site(&bench_record()), "figures/fig-4.svg");
+    let svg = text(whole_site(), "figures/fig-4.svg");
     // Range within the few swings and rms over the record of the fixture, two digits.
     assert!(svg.contains(
         "position.ins, north: late by 400.3\u{a0}±\u{a0}1.6 ms; wander of 0.23 m removed here (0.43 m rms over the \
@@ -527,17 +543,17 @@ fn the_wander_removed_from_a_drawn_position_is_stated_above_its_panel() {
 #[test]
 fn a_bench_page_stays_small_and_the_same_record_gives_the_same_bytes() {
     let record = bench_record();
-    let size = page(&record).len();
+    let size = whole_page().len();
     assert!(size < 1_500_000, "{size}");
-    assert_eq!(site(&record), site(&record));
-    assert_eq!(the_card(), the_card());
+    assert_eq!(*whole_site(), site(&record));
+    assert_eq!(*the_card(), made_card());
 }
 
 #[test]
 fn a_json_round_trip_gives_the_same_page() {
     let record = bench_record();
     let json = serde_json::to_string(&record).unwrap();
-    assert_eq!(page(&serde_json::from_str(&json).unwrap()), page(&record));
+    assert_eq!(page(&serde_json::from_str(&json).unwrap()), whole_page());
 }
 
 #[test]
@@ -588,7 +604,7 @@ fn the_iron_of_a_card_is_a_table_in_microtesla_or_a_reason() {
 
 #[test]
 fn a_failed_injection_and_an_unlogged_latency_have_a_reason() {
-    let html = page(&bench_record());
+    let html = whole_page();
     assert!(html.contains("the first half alone cannot be fitted: the reference rests"));
     assert!(html.contains("the log has no timestamp later than the logged one"));
 }

@@ -6,6 +6,7 @@ use flight::{
     Quantity, RejectCount, StampHealth, StampKind,
 };
 use record::*;
+use std::sync::LazyLock;
 
 pub const DURATION: f64 = 64.0;
 const L: f64 = 1.3;
@@ -606,6 +607,11 @@ pub fn sensor() -> SensorIdentity {
 
 /// A record with everything.
 pub fn bench_record() -> BenchRecord {
+    static RECORD: LazyLock<BenchRecord> = LazyLock::new(whole_record);
+    RECORD.clone()
+}
+
+fn whole_record() -> BenchRecord {
     let mut channels: Vec<ChannelDynamics> = KINDS.iter().map(channel).collect();
     channels.insert(7, silent_channel());
     let mut notices = Notices::new();
