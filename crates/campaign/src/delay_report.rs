@@ -17,7 +17,7 @@ use crate::slug::slugs;
 use crate::task::caught;
 use crate::work::Workers;
 use compensation_replay::{TruthEffect, effect};
-use flight::{Code, Notices};
+use flight::{Code, Notices, Severity};
 use ingest::{FlightUnit, IngestError, Limits, Loaded, LogError, ReadContext, ScanError};
 use record::{
     Decision, DelayAlarm, DelaySource, Effect, EkfValues, FlightLateness, Gravity, GroupLateness, MeasuredFlight,
@@ -152,6 +152,7 @@ struct Measured {
     damaged: bool,
     minor_loss: bool,
     tail_cut: bool,
+    warnings: u64,
     has_reference: bool,
     kept: Option<Loaded>,
     filter_values: Option<EkfValues>,
@@ -268,6 +269,7 @@ impl Measured {
             damaged: false,
             minor_loss: false,
             tail_cut: false,
+            warnings: 0,
             has_reference: false,
             kept: None,
             filter_values: None,
@@ -347,9 +349,19 @@ impl Reader<'_> {
         measured.lateness.alarms.extend(losses::alarm(&loaded.flight.notices, &loaded.health));
         measured.lateness.alarms.extend(wrong_map(&loaded.flight.notices));
         measured.lateness.alarms.sort();
+        let warnings = loaded.flight.notices.count_of(Severity::Warning);
         let has_reference = loaded.flight.first_of(pipeline.reference()).is_some();
         let kept = (self.keep && has_reference).then_some(loaded);
-        Measured { lateness: measured.lateness, damaged, minor_loss, tail_cut, has_reference, kept, filter_values }
+        Measured {
+            lateness: measured.lateness,
+            damaged,
+            minor_loss,
+            tail_cut,
+            warnings,
+            has_reference,
+            kept,
+            filter_values,
+        }
     }
 
     /// The delays of a log, with the values for the design of a filter if requested.
@@ -380,6 +392,7 @@ impl Reader<'_> {
             damaged: measured.damaged,
             minor_loss: measured.minor_loss,
             tail_cut: measured.tail_cut,
+            warnings: measured.warnings,
             replayed: decision.is_some_and(|d| measured.may_be_replayed(d)),
             duplicate_of: decided.duplicate_of.get(name.as_str()).copied(),
         })

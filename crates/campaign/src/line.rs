@@ -56,6 +56,8 @@ pub struct DelayLine {
     /// lost, without effect on results), `damaged`, `failed`, `companion` (a log that is not a flight), or
     /// `pending` without a result yet.
     pub data: String,
+    /// Number of warnings of the log, such as rows left out or a clock that was set: `flightlag inspect` lists them.
+    pub warnings: u64,
     /// The lateness as a sentence.
     pub words: String,
     /// The effect as a sentence.
@@ -110,6 +112,7 @@ pub(crate) struct LineParts<'a> {
     pub(crate) damaged: bool,
     pub(crate) minor_loss: bool,
     pub(crate) tail_cut: bool,
+    pub(crate) warnings: u64,
     /// Whether the decision could be carried out.
     pub(crate) replayed: bool,
     pub(crate) duplicate_of: Option<&'a str>,
@@ -161,6 +164,7 @@ impl DelayLine {
             error_compensated_u_m: compensated.and_then(|e| e.standard_uncertainty),
             alarms: flight_alarms(lateness, parts.decision).iter().map(alarm).collect(),
             data: parts.data_name().to_owned(),
+            warnings: parts.warnings,
             words: parts.failed.or(parts.pending).or(lateness.map(|l| l.words.as_str())).unwrap_or_default().to_owned(),
             effect_words: parts.effect.map(|e| e.words.clone()).unwrap_or_default(),
             set: advice.set.into_iter().map(LineSetting::of).collect(),
@@ -189,6 +193,7 @@ impl DelayLine {
             damaged: row.lossy,
             minor_loss: row.minor_loss,
             tail_cut: row.tail_cut_bytes > 0,
+            warnings: row.warnings,
             replayed: row.outcome == Outcome::Compensated,
             duplicate_of: row.duplicate_of.as_deref(),
         });

@@ -780,8 +780,8 @@ fn row_of(line: &Line<'_>, record: &FlightRecord) -> FlightRow {
         effect: record.effect.clone(),
         duplicate_of: None,
         attention: attention(record),
-        warnings: count(record, Severity::Warning),
-        losses: count(record, Severity::Loss),
+        warnings: record.notices.count_of(Severity::Warning),
+        losses: record.notices.count_of(Severity::Loss),
     }
 }
 
@@ -793,10 +793,6 @@ fn flown_at(record: &FlightRecord) -> Option<String> {
 fn finite(record: &FlightRecord, name: &str, of: impl Fn(&CompensatorResult) -> Option<Estimate>) -> Option<Estimate> {
     let result = record.replay.as_ref()?.compensators.iter().find(|c| c.name == name)?;
     of(result).filter(|e| e.value.is_finite())
-}
-
-fn count(record: &FlightRecord, severity: Severity) -> u64 {
-    record.notices.iter().filter(|n| n.severity == severity).count() as u64
 }
 
 /// The sensor card's delay of the replayed pair, s.

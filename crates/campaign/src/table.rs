@@ -222,6 +222,7 @@ fn line_columns(lines: &[DelayLine]) -> Vec<SheetColumn> {
 pub(crate) fn write_lines(lines: &[DelayLine], out: &mut dyn std::io::Write) -> std::io::Result<()> {
     let mut sheet = Sheet { columns: line_columns(lines) };
     sheet.columns.push(Columns(lines).text("duplicate_of", &|l| l.duplicate_of.clone()));
+    sheet.columns.push(Columns(lines).count("warnings", &|l| l.warnings));
     let mut bytes = vec![];
     write_csv(&sheet, &mut bytes).map_err(std::io::Error::other)?;
     out.write_all(&bytes)

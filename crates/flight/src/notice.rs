@@ -107,6 +107,12 @@ impl Notices {
         self.0.len()
     }
 
+    /// Number of notices of this severity.
+    #[must_use]
+    pub fn count_of(&self, severity: Severity) -> u64 {
+        self.0.iter().filter(|n| n.severity == severity).count() as u64
+    }
+
     /// Whether there are no notices.
     #[must_use]
     pub fn is_empty(&self) -> bool {

@@ -98,6 +98,7 @@ fn one_flight(line: &DelayLine) -> String {
     row("campaign removes", removed(line));
     row("effect", line.effect_words.clone());
     row("data", data(&line.data));
+    row("warnings", warnings(line.warnings));
     row("set", settings(&line.set));
     row("fly", line.fly.clone().unwrap_or_default());
     row("group", line.group.clone());
@@ -120,6 +121,10 @@ fn data(word: &str) -> String {
         "minor-loss" => "minor loss: less than 0.1 % of the log is damaged; `flightlag inspect` shows where".to_owned(),
         _ => word.replace('-', " "),
     }
+}
+
+fn warnings(number: u64) -> String {
+    if number > 0 { format!("{number}; `flightlag inspect` lists them") } else { String::new() }
 }
 
 fn groups_text(groups: &[GroupLine]) -> String {
@@ -319,6 +324,7 @@ mod tests {
             error_compensated_u_m: None,
             alarms: vec![],
             data: "whole".to_owned(),
+            warnings: 0,
             words: "203 ms late".to_owned(),
             effect_words: String::new(),
             set: vec![],
@@ -380,6 +386,7 @@ mod tests {
             removed_from: "others-flights".to_owned(),
             effect_words: "the error fell".to_owned(),
             data: "tail-cut".to_owned(),
+            warnings: 2,
             set: vec![set(false), set(true)],
             fly: Some("turns".to_owned()),
             reference_file: Some("its clock is that of the log".to_owned()),
@@ -394,6 +401,7 @@ mod tests {
             ("campaign removes", "200.0 ms, from other flights"),
             ("effect", "the error fell"),
             ("data", "tail cut"),
+            ("warnings", "2; `flightlag inspect` lists them"),
             ("set", "GPS_DELAY_MS = 203 (most is 250); GPS_DELAY_MS cannot remove it: most is 250"),
             ("fly", "turns"),
             ("group", "M8 at 5 Hz"),

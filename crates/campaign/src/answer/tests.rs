@@ -142,6 +142,7 @@ fn contradictions_are_among_the_alarms_of_the_terminal_and_of_json() {
         minor_loss: false,
         damaged: false,
         tail_cut: false,
+        warnings: 0,
         pending: None,
         replayed: true,
         duplicate_of: None,
