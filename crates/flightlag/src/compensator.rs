@@ -7,9 +7,11 @@ use compensation_replay::{
     CExport, CFloat, CompensatorError, CompensatorKind, DelayModel, Delays, MeasuredAgainst, ValidityBand,
     autopilot_advice, export_c,
 };
-use flight::Delay;
+use flight::{Delay, fixed};
 use std::io::Write;
 
+/// Coverage factor of an expanded uncertainty.
+const COVERAGE_FACTOR: f64 = 2.0;
 /// Fraction of the raw error that still counts as help.
 const HELP: f64 = 0.1;
 
@@ -64,8 +66,8 @@ pub(crate) fn run(arguments: &CompensatorArguments) -> Result<End, Failure> {
         std::fs::write(&path, text).map_err(|e| failed(&path, e))?;
         writeln!(out, "{done} {}", path.display())?;
     }
-    if let Some(band) = band(kind, arguments.delay_s, arguments.step_s) {
-        writeln!(out, "{band}")?;
+    if let Some(bands) = bands(kind, arguments.delay_s, arguments.uncertainty_s, arguments.step_s) {
+        writeln!(out, "{bands}")?;
     }
     let advice = autopilot_advice(delay, arguments.uncertainty_s, MeasuredAgainst::UnknownVelocity);
     match advice.can_be_set() {
@@ -88,11 +90,43 @@ fn delay_of(arguments: &CompensatorArguments) -> Result<Delay, String> {
     }
 }
 
-/// Up to which motion frequency it helps in this loop, and from which on it harms.
-fn band(kind: CompensatorKind, delay_s: f64, step_s: f64) -> Option<String> {
+/// Up to which motion frequency it helps in this loop, and from which on it harms: with the delay exactly right, and in
+/// the worse case of a delay that is off by U (k = 2) to either side.
+fn bands(kind: CompensatorKind, delay_s: f64, uncertainty_s: Option<f64>, step_s: f64) -> Option<String> {
     let filter = kind.filter(delay_s).ok()?;
     let model = DelayModel::Loop { filter: &filter, step_s };
-    let band = ValidityBand::of(model, Delays::of_position(delay_s), HELP)?;
+    let of = |position_s: f64| {
+        ValidityBand::of(model, Delays { position_s, ..Delays::of_position(delay_s) }, HELP).unwrap_or(HARMS)
+    };
+    let right = band(&of(delay_s), delay_s, step_s);
+    let mut text = format!(
+        "in a loop of {step_s} s: {right} (delay exactly right, velocity on time, a new position in every step; a position \
+         that is held lags by its age)"
+    );
+    if let Some(u) = uncertainty_s.filter(|u| *u > 0.0) {
+        let most_s = COVERAGE_FACTOR * u;
+        let [short, long] = [delay_s - most_s, delay_s + most_s].map(of);
+        let wrong = band(&worse_of(&short, &long), delay_s, step_s);
+        text += &format!("\nwith a delay that is wrong by its U of {} ms (k = 2): {wrong}", fixed(1e3 * most_s, 1));
+    }
+    Some(text)
+}
+
+/// A position without a delay: whatever is added to it is an error.
+const HARMS: ValidityBand =
+    ValidityBand { factor: HELP, helps_below_hz: None, halves_below_hz: None, worse_above_hz: Some(0.0) };
+
+fn worse_of(a: &ValidityBand, b: &ValidityBand) -> ValidityBand {
+    let lower = |a: Option<f64>, b: Option<f64>| Some(a?.min(b?));
+    ValidityBand {
+        factor: a.factor,
+        helps_below_hz: lower(a.helps_below_hz, b.helps_below_hz),
+        halves_below_hz: lower(a.halves_below_hz, b.halves_below_hz),
+        worse_above_hz: lower(a.worse_above_hz, b.worse_above_hz).or(a.worse_above_hz).or(b.worse_above_hz),
+    }
+}
+
+fn band(band: &ValidityBand, delay_s: f64, step_s: f64) -> String {
     // A loop cannot see motion above half its rate.
     let nyquist_hz = 0.5 / step_s;
     let highest_hz = 1.0 / delay_s;
@@ -104,15 +138,15 @@ fn band(kind: CompensatorKind, delay_s: f64, step_s: f64) -> Option<String> {
     };
     let worse = match band.worse_above_hz {
         None => "never worse than raw below 1/Td".to_owned(),
+        Some(0.0) => "worse than raw from the slowest motion on".to_owned(),
         Some(hz) if hz > nyquist_hz => "nowhere worse than raw".to_owned(),
         Some(hz) => format!("first worse than raw at {hz:.2} Hz"),
     };
-    Some(format!(
-        "in a loop of {step_s} s: removes 90 % of the error {}, half of it {}, {worse} (delay exactly right, velocity on time, a new \
-         position in every step; a position that is held lags by its age)",
+    format!(
+        "removes 90 % of the error {}, half of it {}, {worse}",
         up_to(band.helps_below_hz),
         up_to(band.halves_below_hz)
-    ))
+    )
 }
 
 #[cfg(test)]
@@ -155,17 +189,34 @@ mod tests {
         };
         for kind in CompensatorKind::all().into_iter().filter(|kind| is_written(kind) && kind.filter(0.2).is_ok()) {
             for step_s in [0.01, 0.7, 1.0] {
-                let text = band(kind, 0.2, step_s).unwrap();
+                let text = bands(kind, 0.2, None, step_s).unwrap();
                 // Shown with two decimals.
                 let most = 0.5 / step_s + 0.005;
                 assert!(in_hertz(&text).iter().all(|hz| *hz <= most), "{kind} in {step_s} s: {text}");
                 assert!(step_s > 0.01 || !text.contains("rate of the loop"), "{text}");
             }
         }
-        let slow = band("pade-1-1-foh".parse().unwrap(), 0.2, 1.0).unwrap();
+        let slow = bands("pade-1-1-foh".parse().unwrap(), 0.2, None, 1.0).unwrap();
         assert!(
             slow.contains("half of it up to 0.50 Hz, half the rate of the loop, nowhere worse than raw ("),
             "{slow}"
         );
+    }
+
+    /// Of slow motion the error left is |Td true − Td set|/Td true: 0.1/0.3 and 0.1/0.5, then 0.3/0.1.
+    #[test]
+    fn a_wrong_delay_leaves_its_share_of_slow_motion() {
+        let of = |u: Option<f64>| bands("pade-2-2-foh".parse().unwrap(), 0.4, u, 0.01).unwrap();
+        assert_eq!((of(None).lines().count(), of(Some(0.0)).lines().count()), (1, 1));
+        let third = of(Some(0.05));
+        let third = third.lines().nth(1).unwrap();
+        assert!(third.contains("U of 100.0 ms") && third.contains("90 % of the error nowhere"), "{third}");
+        assert!(third.contains("half of it up to"), "{third}");
+        for harmful in [0.15, 0.3] {
+            let text = of(Some(harmful));
+            assert!(text.ends_with("half of it nowhere, worse than raw from the slowest motion on"), "{text}");
+        }
+        let well_known = of(Some(0.001));
+        assert!(well_known.lines().nth(1).unwrap().contains("90 % of the error up to"), "{well_known}");
     }
 }
