@@ -6,6 +6,7 @@ use crate::number::{self, COVERAGE_FACTOR};
 use crate::text::label;
 use crate::verdict::{has_no_common_delay, in_millis, is_relative};
 use record::{CampaignRecord, ControlPoint, Estimate, FlightRow, GroupLateness};
+use std::collections::BTreeSet;
 
 /// Maximum number of flights drawn in a trend.
 const MOST_OF_TREND: usize = 2_000;
@@ -234,7 +235,14 @@ pub(crate) fn trend(record: &CampaignRecord) -> Option<Figure> {
     let (mut groups, by_date) = largest_first(record);
     let left_out = groups.len().saturating_sub(MOST_PANELS);
     groups.truncate(MOST_PANELS);
-    let outside = groups.iter().flat_map(|(_, points)| points).filter(|(_, point)| point.is_outside).count();
+    let with_card: BTreeSet<&str> =
+        record.flights.iter().filter(|row| row.card_delay_s.is_some()).map(|row| row.flight.as_str()).collect();
+    let outside = groups.iter().flat_map(|(_, points)| points).filter(|(_, point)| point.is_outside);
+    let [of_card, of_group] =
+        outside.fold([0, 0], |[card, group], (_, point)| match with_card.contains(&*point.flight) {
+            true => [card + 1, group],
+            false => [card, group + 1],
+        });
     let most = MOST_OF_TREND / groups.len().max(1);
     let older = groups.iter_mut().map(|(_, points)| keep_newest(points, most)).sum();
     let all = || groups.iter().flat_map(|(_, points)| points.iter().map(|(at, _)| *at));
@@ -246,7 +254,7 @@ pub(crate) fn trend(record: &CampaignRecord) -> Option<Figure> {
     Some(Figure {
         id: "trend".to_owned(),
         number: 0,
-        title: trend_title(outside),
+        title: trend_title(of_group, of_card),
         caption: format!(
             "How much later the position is than the velocity, for {}, {}; each group with its own mean and limits. \
              Where the lateness is known, it differs from this by the lateness of the velocity.{}",
@@ -263,12 +271,15 @@ pub(crate) fn trend(record: &CampaignRecord) -> Option<Figure> {
     })
 }
 
-fn trend_title(outside: usize) -> String {
-    let flights = match outside {
-        0 => "no flight is".to_owned(),
-        _ => number::counted(outside as u64, "flight is", "flights are"),
+fn trend_title(of_group: u64, of_card: u64) -> String {
+    let are = |n: u64| number::counted(n, "flight is", "flights are");
+    let rest = match (of_group, of_card) {
+        (0, 0) => "no flight is outside its limits".to_owned(),
+        (n, 0) => format!("{} outside the limits of the group", are(n)),
+        (0, n) => format!("{} outside the limits of the sensor card", are(n)),
+        (n, m) => format!("{} outside the limits of the group, and {m} outside those of the sensor card", are(n)),
     };
-    format!("Position − velocity: {flights} outside the limits of its group")
+    format!("Position − velocity: {rest}")
 }
 
 /// The charts of the groups, by date if any flight has one, otherwise by name.

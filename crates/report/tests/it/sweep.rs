@@ -148,7 +148,7 @@ fn the_campaign_shows_the_combined_result_and_the_outlier() {
             "Their mean, 403.5 ± 6.0 ms over 12 flights, describes none of them; the sensor card has 400.0 ± 4.4 ms: ✓ agrees, \
              E_n = 0.47.",
             "flight-07.<mcap> (431.0 ± 4.0 ms)",
-            "1 flight is outside the limits of its group",
+            "1 flight is outside the limits of the group",
         ],
     );
     for figure in ["figures/trend.svg", "figures/valley-1.svg"] {

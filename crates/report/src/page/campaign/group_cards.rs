@@ -164,7 +164,7 @@ fn agreement(group: &GroupLateness, rows: &[&FlightRow]) -> Markup {
                     ")"
                 }
                 @else if test.p < AGREE_P { ", and disagreement is likely (" (p_value(test.p)) ")" }
-                @else { ", and they agree (" (p_value(test.p)) ")" }
+                @else { ", and they agree with each other (" (p_value(test.p)) ")" }
             }
             @if !outliers.is_empty() { "; " (badge("unsure", "!", "differs")) " " (names(&outliers)) @if group.lateness_s.is_some() { ", not in the mean" } }
             "."
