@@ -38,6 +38,8 @@ pub struct DelayLine {
     pub velocity: Option<String>,
     /// Removed delay, s.
     pub removed_s: Option<f64>,
+    /// Its standard uncertainty, s; `None` if a stated delay has none.
+    pub removed_u_s: Option<f64>,
     /// Source of the removed delay; `none` if nothing is removed.
     pub removed_from: String,
     /// Effect of the removal: `helped`, `no-change`, `harmed` or `cannot-tell`; empty if nothing could be compared.
@@ -156,6 +158,7 @@ impl DelayLine {
             position_minus_velocity_u_s: relative.and_then(|e| e.standard_uncertainty),
             velocity: lateness.and_then(|l| l.velocity.clone()),
             removed_s: removed.map(|(delay_s, _)| delay_s),
+            removed_u_s: removed.and(parts.decision).and_then(|d| d.standard_uncertainty_s),
             removed_from: removed.map_or("none", |(_, used)| used.name()).to_owned(),
             effect: parts.effect.map(|e| effect_name(e.verdict)).unwrap_or_default().to_owned(),
             error_raw_m: raw.map(|e| e.value),

@@ -210,6 +210,7 @@ fn line_columns(lines: &[DelayLine]) -> Vec<SheetColumn> {
         of.text("alarms", &|l| codes(l, false)),
         of.optional_text("data", &|l| &l.data),
         of.number("position_minus_velocity_u_s", &|l| l.position_minus_velocity_u_s),
+        of.number("removed_u_s", &|l| l.removed_u_s),
         of.number("error_raw_u_m", &|l| l.error_raw_u_m),
         of.number("error_compensated_u_m", &|l| l.error_compensated_u_m),
         of.optional_text("answer", &|l| &l.words),

@@ -264,7 +264,7 @@ fn removed(line: &DelayLine) -> String {
                 "own-network" => "this flight",
                 other => other,
             };
-            format!("{} ms, from {from}", fixed(1e3 * delay_s, 1))
+            format!("{} ms, from {from}", expanded_ms(Some(delay_s), line.removed_u_s))
         }
         None => "nothing".to_owned(),
     }
@@ -316,6 +316,7 @@ mod tests {
             position_minus_velocity_u_s: Some(0.002),
             velocity: Some("velocity.gps".to_owned()),
             removed_s: None,
+            removed_u_s: None,
             removed_from: "none".to_owned(),
             effect: "no-change".to_owned(),
             error_raw_m: Some(4.0),
@@ -383,6 +384,7 @@ mod tests {
         };
         let more = DelayLine {
             removed_s: Some(0.2),
+            removed_u_s: Some(0.004),
             removed_from: "others-flights".to_owned(),
             effect_words: "the error fell".to_owned(),
             data: "tail-cut".to_owned(),
@@ -398,7 +400,7 @@ mod tests {
         };
         let known = [
             ("kind", "constant"),
-            ("campaign removes", "200.0 ms, from other flights"),
+            ("campaign removes", "200.0 ± 8.0 ms, from other flights"),
             ("effect", "the error fell"),
             ("data", "tail cut"),
             ("warnings", "2; `flightlag inspect` lists them"),
@@ -412,7 +414,7 @@ mod tests {
         assert_eq!(rows(&one_flight(&more)), known);
         assert!(data("minor-loss").contains("less than 0.1 %"), "{}", data("minor-loss"));
         let own = DelayLine { removed_from: "own-network".to_owned(), ..more };
-        assert_eq!(removed(&own), "200.0 ms, from this flight");
+        assert_eq!(removed(&own), "200.0 ± 8.0 ms, from this flight");
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use super::super::{badge, estimate, no_number};
 use super::attention::names;
 use super::members;
-use crate::number;
+use crate::number::{self, COVERAGE_FACTOR};
 use crate::page::lateness::unsuitable;
 use crate::text::{ended, shown};
 use crate::verdict::{AGREE_P, DIFFER_P, has_no_common_delay, in_millis, is_relative, source_phrase};
@@ -201,6 +201,12 @@ fn removal(rows: &[&FlightRow]) -> Markup {
     let removed: Vec<f64> = rows.iter().filter_map(|r| r.delay_s).filter(|s| s.is_finite()).collect();
     let sources: BTreeSet<DelaySource> =
         rows.iter().filter(|r| r.delay_s.is_some()).filter_map(|r| r.delay_from).collect();
+    let widths: Vec<f64> = rows
+        .iter()
+        .filter(|r| r.delay_s.is_some())
+        .filter_map(|r| r.decision.as_ref()?.standard_uncertainty_s)
+        .map(|u| COVERAGE_FACTOR * u)
+        .collect();
     let ends = removed.iter().copied().reduce(f64::min).zip(removed.iter().copied().reduce(f64::max));
     html! {
         @match ends {
@@ -212,9 +218,24 @@ fn removal(rows: &[&FlightRow]) -> Markup {
                 @for (i, source) in sources.iter().enumerate() { @if i == 0 { " (" } @else { ", " } (source_phrase(*source)) }
                 @if !sources.is_empty() { ")" }
                 @if removed.len() < rows.len() { " from " (number::count(removed.len() as u64)) " of them" }
+                (known_to(&widths, removed.len()))
                 ". " (effects(rows)) (short(rows))
             }
         }
+    }
+}
+
+/// Expanded uncertainties (s) of a number of removed delays.
+fn known_to(widths_s: &[f64], delays: usize) -> String {
+    let unknown = delays.saturating_sub(widths_s.len());
+    let each = match widths_s.iter().copied().reduce(f64::max) {
+        None => return ", without an uncertainty".to_owned(),
+        Some(most) if delays == 1 => format!(", known to ±\u{a0}{}\u{a0}ms", number::significant(1e3 * most, 2)),
+        Some(most) => format!(", each known to ±\u{a0}{}\u{a0}ms or better", number::significant(1e3 * most, 2)),
+    };
+    match unknown {
+        0 => each,
+        n => format!("{each}, {} without an uncertainty", number::count(n as u64)),
     }
 }
 
