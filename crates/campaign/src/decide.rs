@@ -397,24 +397,43 @@ mod tests {
             let card = CardDelay { delay_s, words: String::new(), card, notices };
             FlightLateness { card: Some(Finding::Found(card)), ..crate::answer::unknown("k") }
         };
-        let removed = RemovedDelay {
+        let removed = removed(Some(0.504), Some(DelaySource::Card));
+        let mut doubted = flight::Notices::new();
+        doubted.push(Code::RigContradicted, "position.gps", 1, "position.gps: the bench marked its delay as doubtful");
+        let of = |notices| decision_of(DelaySource::Card, &removed, &with(notices)).contradicted;
+        assert_eq!(of(flight::Notices::new()), None);
+        assert!(of(doubted).unwrap().contains("marked its delay as doubtful"));
+    }
+
+    fn removed(value_s: Option<f64>, source: Option<DelaySource>) -> RemovedDelay {
+        RemovedDelay {
             flight: "f".into(),
-            value_s: Some(0.504),
-            standard_uncertainty_s: Some(0.127),
+            value_s,
+            standard_uncertainty_s: value_s.map(|_| 0.127),
             row: 7,
-            source: Some(DelaySource::Card),
+            source,
             circular: false,
             words: String::new(),
             pooled_flights: 0,
             z: None,
             card_e_n: None,
             contradicted: None,
+        }
+    }
+
+    /// Former bug: nothing was removed from a whole campaign, and only the pages of its flights said why.
+    #[test]
+    fn a_card_that_does_not_apply_to_the_flight_is_an_alarm() {
+        let why = "m.card.toml: position.gps is not on the card".to_owned();
+        let lateness = FlightLateness { card: Some(Finding::CannotTell(why.clone())), ..crate::answer::unknown("k") };
+        let of = |asked, removed: &RemovedDelay| {
+            let decision = decision_of(asked, removed, &lateness);
+            let alarms = record::flight_alarms(Some(&lateness), Some(&decision));
+            alarms.into_iter().filter(|a| a.code == flight::Alarm::CardNotUsed).map(|a| a.text).collect::<Vec<_>>()
         };
-        let mut doubted = flight::Notices::new();
-        doubted.push(Code::RigContradicted, "position.gps", 1, "position.gps: the bench marked its delay as doubtful");
-        let of = |notices| decision_of(DelaySource::Card, &removed, &with(notices)).contradicted;
-        assert_eq!(of(flight::Notices::new()), None);
-        assert!(of(doubted).unwrap().contains("marked its delay as doubtful"));
+        assert_eq!(of(DelaySource::Card, &removed(None, None)), [why]);
+        let others = removed(Some(0.4), Some(DelaySource::OthersFlights));
+        assert!(of(DelaySource::OthersFlights, &others).is_empty(), "the card was not asked for");
     }
 
     #[test]

@@ -383,6 +383,7 @@ const FIRED_ALARMS: &[(Alarm, &str, &str)] = &[
     (Alarm::Outliers, "crates/campaign/src/answer/alarms.rs", "doubts_about_a_fit_raise_an_alarm"),
     (Alarm::DelayDoubtful, "crates/campaign/src/answer/alarms.rs", "doubts_about_a_fit_raise_an_alarm"),
     (Alarm::ReferenceNotUsed, "tests/it/reference.rs", "an_unusable_reference_file_is_an_alarm_with_its_reason"),
+    (Alarm::CardNotUsed, "crates/campaign/src/decide.rs", "a_card_that_does_not_apply_to_the_flight_is_an_alarm"),
     (
         Alarm::DelayDiffersBetweenParts,
         "crates/campaign/src/answer/alarms.rs",

@@ -150,7 +150,8 @@ impl DelayAlarm {
     }
 }
 
-/// All alarms of a flight, the most serious first: those about its delay, and the one about the removed delay.
+/// All alarms of a flight, the most serious first: those about its delay, and the one about the removed delay
+/// or about a sensor card that was not used.
 #[must_use]
 pub fn flight_alarms(lateness: Option<&FlightLateness>, decision: Option<&Decision>) -> Vec<DelayAlarm> {
     let contradicted = decision.and_then(|d| d.contradicted.clone()).map(|text| DelayAlarm {
@@ -158,7 +159,14 @@ pub fn flight_alarms(lateness: Option<&FlightLateness>, decision: Option<&Decisi
         code: Code::DelayContradicted.name().to_owned(),
         text,
     });
-    let mut all: Vec<DelayAlarm> = lateness.iter().flat_map(|l| l.alarms.clone()).chain(contradicted).collect();
+    let unused_card = decision.zip(lateness).and_then(|(decision, lateness)| match &lateness.card {
+        Some(Finding::CannotTell(why)) if decision.asked == DelaySource::Card && decision.used.is_none() => {
+            Some(DelayAlarm::of(Alarm::CardNotUsed, why.clone()))
+        }
+        _ => None,
+    });
+    let of_delay = lateness.iter().flat_map(|l| l.alarms.clone());
+    let mut all: Vec<DelayAlarm> = of_delay.chain(contradicted).chain(unused_card).collect();
     // The alarm about guessed columns sorts last: it says nothing about the delay itself.
     all.sort_by(|a, b| {
         let key = |alarm: &DelayAlarm| (alarm.gravity, alarm.code == Code::BoundByGuess.name());

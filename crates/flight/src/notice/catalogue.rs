@@ -418,6 +418,10 @@ catalogue! {
         ReferenceNotUsed, "reference-not-used", Amber,
             "The reference file was not used. The text gives the reason. The exit code is 3.",
             "Correct what the text names: day, clock or columns of the reference file.";
+        CardNotUsed, "card-not-used", Amber,
+            "The delay of the sensor card was asked for and does not apply to this flight, so nothing was removed. The text gives the \
+             reason.",
+            "Use a card that has the channel which the text names, or another source of the delay.";
         DelayDiffersBetweenParts, "delay-differs-between-parts", Grey,
             "The delay differs between parts of the flight by less than the limit for a change.", "Nothing.";
         DelayWindowsScatter, "delay-windows-scatter", Grey,
