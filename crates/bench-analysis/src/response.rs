@@ -1,7 +1,7 @@
 //! Frequency response of a channel, together with the fitted model (design note 9).
 
 use crate::sensed::{SensedChannel, Updates};
-use record::{Finding, ModelCandidate, ModelFinding, ResponseFinding, ResponsePoint};
+use record::{Estimate, Finding, ModelCandidate, ModelFinding, ResponseFinding, ResponsePoint};
 use signal::{ComponentFit, DelayFit, frequency_response};
 use std::f64::consts::TAU;
 
@@ -54,7 +54,7 @@ fn described(
         )
     };
     let highest_hz = found.points.get(last).map_or(0.0, |p| p.frequency_hz);
-    let bandwidth_hz = candidate.and_then(bandwidth).filter(|hz| *hz <= highest_hz);
+    let bandwidth = candidate.and_then(bandwidth).filter(|hz| hz.value <= highest_hz);
     ResponseFinding {
         component: component.to_owned(),
         segment_s: found.segment_s,
@@ -62,8 +62,9 @@ fn described(
         points: shown.iter().map(point).collect(),
         model_phase_rad: shown.iter().map(|p| of_model(p.frequency_hz).1).collect(),
         model_gain: shown.iter().map(|p| of_model(p.frequency_hz).0).collect(),
-        bandwidth: bandwidth_hz.map_or_else(|| format!("> {highest_hz:.2} Hz"), |hz| format!("{hz:.2} Hz")),
-        bandwidth_hz,
+        bandwidth: bandwidth.map_or_else(|| format!("> {highest_hz:.2} Hz"), in_hertz),
+        bandwidth_hz: bandwidth.map(|hz| hz.value),
+        bandwidth_u_hz: bandwidth.and_then(|hz| hz.standard_uncertainty),
     }
 }
 
@@ -89,24 +90,40 @@ fn gain_and_phase(model: &ModelCandidate, f: f64) -> (f64, f64) {
     (gain, phase)
 }
 
+fn in_hertz(hz: Estimate) -> String {
+    match hz.standard_uncertainty.map(|u| 2.0 * u) {
+        None => format!("{:.2} Hz", hz.value),
+        Some(expanded) if expanded < 0.1 => format!("{:.3} ± {expanded:.3} Hz", hz.value),
+        Some(expanded) => format!("{:.2} ± {expanded:.2} Hz", hz.value),
+    }
+}
+
 /// The −3 dB frequency (half the power) of the lags, Hz; `None` for a pure delay.
-fn bandwidth(model: &ModelCandidate) -> Option<f64> {
-    let lags: Vec<f64> = model.lags_s.iter().map(|lag| lag.value).filter(|lag| *lag > 0.0).collect();
-    let longest = lags.iter().copied().reduce(f64::max)?;
-    let loss = |w: f64| lags.iter().map(|lag| 1.0 + (w * lag).powi(2)).product::<f64>();
+///
+/// From Π(1 + ω²Tₖ²) = 2, with gₖ = ω²Tₖ²/(1 + ω²Tₖ²): ∂ω/∂Tₖ = −(ω/Tₖ) gₖ/Σg. How the lags are correlated is not
+/// known here, so the shares are added as if fully: for one lag this is u(ω)/ω = u(T)/T.
+fn bandwidth(model: &ModelCandidate) -> Option<Estimate> {
+    let lags: Vec<&Estimate> = model.lags_s.iter().filter(|lag| lag.value > 0.0).collect();
+    let longest = lags.iter().map(|lag| lag.value).reduce(f64::max)?;
+    let loss = |w: f64| lags.iter().map(|lag| 1.0 + (w * lag.value).powi(2)).product::<f64>();
     // A single lag crosses at 1/T; more lags cross earlier.
     let (mut low, mut high) = (0.0, 1.0 / longest);
     for _ in 0..60 {
         let middle = 0.5 * (low + high);
         if loss(middle) < 2.0 { low = middle } else { high = middle }
     }
-    Some(high / TAU)
+    let share = |lag: &Estimate| 1.0 - 1.0 / (1.0 + (high * lag.value).powi(2));
+    let all: f64 = lags.iter().map(|lag| share(lag)).sum();
+    let relative = lags.iter().map(|lag| Some(share(lag) / all * lag.standard_uncertainty? / lag.value)).sum();
+    Some(Estimate {
+        value: high / TAU,
+        standard_uncertainty: Option::<f64>::map(relative, |relative: f64| relative * high / TAU),
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use record::Estimate;
 
     fn model(delay_s: Option<f64>, lags: &[f64], gain: f64) -> ModelCandidate {
         let known = |value| Estimate { value, standard_uncertainty: None };
@@ -135,11 +152,28 @@ mod tests {
 
     #[test]
     fn one_lag_has_half_power_at_omega_t_one_and_two_lags_earlier() {
+        let bandwidth = |model: &ModelCandidate| bandwidth(model).map(|hz| hz.value);
         assert!((bandwidth(&model(None, &[0.05], 1.0)).unwrap() - 3.183_098_861_837_907).abs() < 1e-12);
         assert!((bandwidth(&model(None, &[0.5], 1.0)).unwrap() - 1.0 / (0.5 * TAU)).abs() < 1e-12);
         // (1 + x²)² = 2.
         let x = (2f64.sqrt() - 1.0).sqrt();
         assert!((bandwidth(&model(None, &[0.5, 0.5], 1.0)).unwrap() - x / (0.5 * TAU)).abs() < 1e-12);
         assert_eq!(bandwidth(&model(Some(0.4), &[], 1.0)), None);
+    }
+
+    /// By finite differences: each lag longer by its uncertainty.
+    #[test]
+    fn the_uncertainty_of_a_bandwidth_is_that_of_its_lags() {
+        let at = |lags: &[f64]| bandwidth(&model(None, lags, 1.0)).unwrap().value;
+        let u = 1e-6;
+        for lags in [&[0.05][..], &[0.5, 0.2], &[0.1, 0.1]] {
+            let mut known = model(None, lags, 1.0);
+            known.lags_s.iter_mut().for_each(|lag| lag.standard_uncertainty = Some(u));
+            let found = bandwidth(&known).unwrap().standard_uncertainty.unwrap();
+            let longer: Vec<f64> = lags.iter().map(|lag| lag + u).collect();
+            let expected = at(lags) - at(&longer);
+            assert!((found / expected - 1.0).abs() < 1e-4, "{lags:?}: {found} and {expected}");
+        }
+        assert_eq!(bandwidth(&model(None, &[0.05], 1.0)).unwrap().standard_uncertainty, None);
     }
 }

@@ -539,6 +539,9 @@ pub struct ResponseFinding {
     pub bandwidth: String,
     /// −3 dB bandwidth, Hz, if within the excited band.
     pub bandwidth_hz: Option<f64>,
+    /// Its standard uncertainty, Hz: of two lags the largest that their own uncertainties allow.
+    #[serde(default)]
+    pub bandwidth_u_hz: Option<f64>,
 }
 
 /// Diagnostics of the fit.

@@ -248,6 +248,7 @@ fn response(kind: &Kind) -> Finding<ResponseFinding> {
         points,
         bandwidth: "> 1.25 Hz, the last reliable bin".into(),
         bandwidth_hz: None,
+        bandwidth_u_hz: None,
     })
 }
 

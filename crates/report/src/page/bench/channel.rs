@@ -216,15 +216,17 @@ fn model(channel: &ChannelDynamics, model: &ModelFinding) -> Markup {
     let head = [Text("Candidate"), Number("ΔBIC"), Number("Delay (ms)"), Number("Lags (ms)"), Number("Gain")];
     html! {
         p { (shown(&model.text)) }
-        p { "Delay and lags together, the group delay at low frequency: " b { (estimate(&verdict::in_millis(&model.sum_s))) " ms" } "; its U is that of the model's fit alone." }
+        p { "Delay and lags together, the group delay at low frequency: " b { (estimate(&verdict::in_millis(&model.sum_s))) " ms" } "." }
         (table(&format!("Candidates for {}; ± is U with k = 2", channel.name), &head, rows(&model.candidates, MOST, head.len(), row)))
     }
 }
 
 fn bandwidth(found: &ResponseFinding) -> Markup {
+    let hz = found.bandwidth_hz.map(|value| Estimate { value, standard_uncertainty: found.bandwidth_u_hz });
     html! {
         p {
-            "Bandwidth (−3 dB) of the fitted model: " b { (shown(&found.bandwidth)) } "."
+            "Bandwidth (−3 dB) of the fitted model: "
+            b { @match &hz { Some(hz) => { (estimate(hz)) " Hz" } None => { (shown(&found.bandwidth)) } } } "."
         }
     }
 }
