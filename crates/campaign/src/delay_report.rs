@@ -17,7 +17,7 @@ use crate::slug::slugs;
 use crate::task::caught;
 use crate::work::Workers;
 use compensation_replay::{TruthEffect, effect};
-use flight::{Code, Notices, Severity};
+use flight::{Code, Notice, Notices, Severity};
 use ingest::{FlightUnit, IngestError, Limits, Loaded, LogError, ReadContext, ScanError};
 use record::{
     Decision, DelayAlarm, DelaySource, Effect, EkfValues, FlightLateness, Gravity, GroupLateness, MeasuredFlight,
@@ -152,7 +152,7 @@ struct Measured {
     damaged: bool,
     minor_loss: bool,
     tail_cut: bool,
-    warnings: u64,
+    warnings: Vec<String>,
     has_reference: bool,
     kept: Option<Loaded>,
     filter_values: Option<EkfValues>,
@@ -269,7 +269,7 @@ impl Measured {
             damaged: false,
             minor_loss: false,
             tail_cut: false,
-            warnings: 0,
+            warnings: vec![],
             has_reference: false,
             kept: None,
             filter_values: None,
@@ -349,7 +349,7 @@ impl Reader<'_> {
         measured.lateness.alarms.extend(losses::alarm(&loaded.flight.notices, &loaded.health));
         measured.lateness.alarms.extend(wrong_map(&loaded.flight.notices));
         measured.lateness.alarms.sort();
-        let warnings = loaded.flight.notices.count_of(Severity::Warning);
+        let warnings = warnings(&loaded.flight.notices, measured.notices);
         let has_reference = loaded.flight.first_of(pipeline.reference()).is_some();
         let kept = (self.keep && has_reference).then_some(loaded);
         Measured {
@@ -392,7 +392,8 @@ impl Reader<'_> {
             damaged: measured.damaged,
             minor_loss: measured.minor_loss,
             tail_cut: measured.tail_cut,
-            warnings: measured.warnings,
+            warnings: measured.warnings.len() as u64,
+            warning_texts: &measured.warnings,
             replayed: decision.is_some_and(|d| measured.may_be_replayed(d)),
             duplicate_of: decided.duplicate_of.get(name.as_str()).copied(),
         })
@@ -421,6 +422,18 @@ impl Reader<'_> {
         let removed_s = decision.delay_s.filter(|_| measured.may_be_replayed(decision));
         Some(effect(truth.as_ref(), known.as_ref(), measured.lateness.speed_rms_mps, removed_s))
     }
+}
+
+/// The warnings about a log and its analysis, each once.
+fn warnings(of_log: &Notices, of_analysis: Notices) -> Vec<String> {
+    let mut all = of_log.clone();
+    all.extend_unsaid(of_analysis);
+    // A place that is empty or begins the text itself is not written before it.
+    let words = |notice: &Notice| match notice.text.starts_with(&notice.place) {
+        true => notice.text.clone(),
+        false => format!("{}: {}", notice.place, notice.text),
+    };
+    all.iter().filter(|notice| notice.severity == Severity::Warning).map(words).collect()
 }
 
 /// An alarm if a channel map of the user does not fit.

@@ -58,8 +58,10 @@ pub struct DelayLine {
     /// lost, without effect on results), `damaged`, `failed`, `companion` (a log that is not a flight), or
     /// `pending` without a result yet.
     pub data: String,
-    /// Number of warnings of the log, such as rows left out or a clock that was set: `flightlag inspect` lists them.
+    /// Number of warnings about the log and its analysis, such as rows left out or a clock that was set.
     pub warnings: u64,
+    /// Their texts, each with its place; empty in a campaign, where the page of the flight lists them.
+    pub warning_texts: Vec<String>,
     /// The lateness as a sentence.
     pub words: String,
     /// The effect as a sentence.
@@ -115,6 +117,7 @@ pub(crate) struct LineParts<'a> {
     pub(crate) minor_loss: bool,
     pub(crate) tail_cut: bool,
     pub(crate) warnings: u64,
+    pub(crate) warning_texts: &'a [String],
     /// Whether the decision could be carried out.
     pub(crate) replayed: bool,
     pub(crate) duplicate_of: Option<&'a str>,
@@ -168,6 +171,7 @@ impl DelayLine {
             alarms: flight_alarms(lateness, parts.decision).iter().map(alarm).collect(),
             data: parts.data_name().to_owned(),
             warnings: parts.warnings,
+            warning_texts: parts.warning_texts.to_vec(),
             words: parts.failed.or(parts.pending).or(lateness.map(|l| l.words.as_str())).unwrap_or_default().to_owned(),
             effect_words: parts.effect.map(|e| e.words.clone()).unwrap_or_default(),
             set: advice.set.into_iter().map(LineSetting::of).collect(),
@@ -197,6 +201,7 @@ impl DelayLine {
             minor_loss: row.minor_loss,
             tail_cut: row.tail_cut_bytes > 0,
             warnings: row.warnings,
+            warning_texts: &[],
             replayed: row.outcome == Outcome::Compensated,
             duplicate_of: row.duplicate_of.as_deref(),
         });

@@ -98,7 +98,6 @@ fn one_flight(line: &DelayLine) -> String {
     row("campaign removes", removed(line));
     row("effect", line.effect_words.clone());
     row("data", data(&line.data));
-    row("warnings", warnings(line.warnings));
     row("set", settings(&line.set));
     row("fly", line.fly.clone().unwrap_or_default());
     row("group", line.group.clone());
@@ -106,6 +105,10 @@ fn one_flight(line: &DelayLine) -> String {
     for alarm in line.alarms.iter().filter(|alarm| !is_reference(alarm)) {
         row(if alarm.gravity == "grey" { "remark" } else { "alarm" }, alarm.text.clone());
     }
+    for warning in line.warning_texts.iter().take(MOST_ALARMS) {
+        row("warning", warning.clone());
+    }
+    row("warnings", unlisted(line));
     text
 }
 
@@ -123,8 +126,14 @@ fn data(word: &str) -> String {
     }
 }
 
-fn warnings(number: u64) -> String {
-    if number > 0 { format!("{number}; `flightlag inspect` lists them") } else { String::new() }
+/// The warnings that are not among the texts.
+fn unlisted(line: &DelayLine) -> String {
+    match (line.warnings, line.warning_texts.len()) {
+        (0, _) => String::new(),
+        (n, 0) => format!("{n}, listed on the page of the flight"),
+        (_, listed) if listed <= MOST_ALARMS => String::new(),
+        (n, _) => format!("{}, listed by --json", count(n.saturating_sub(MOST_ALARMS as u64), "more warning")),
+    }
 }
 
 fn groups_text(groups: &[GroupLine]) -> String {
@@ -326,6 +335,7 @@ mod tests {
             alarms: vec![],
             data: "whole".to_owned(),
             warnings: 0,
+            warning_texts: vec![],
             words: "203 ms late".to_owned(),
             effect_words: String::new(),
             set: vec![],
@@ -389,6 +399,7 @@ mod tests {
             effect_words: "the error fell".to_owned(),
             data: "tail-cut".to_owned(),
             warnings: 2,
+            warning_texts: vec!["clock: set".to_owned(), "rows: left out".to_owned()],
             set: vec![set(false), set(true)],
             fly: Some("turns".to_owned()),
             reference_file: Some("its clock is that of the log".to_owned()),
@@ -403,16 +414,19 @@ mod tests {
             ("campaign removes", "200.0 ± 8.0 ms, from other flights"),
             ("effect", "the error fell"),
             ("data", "tail cut"),
-            ("warnings", "2; `flightlag inspect` lists them"),
             ("set", "GPS_DELAY_MS = 203 (most is 250); GPS_DELAY_MS cannot remove it: most is 250"),
             ("fly", "turns"),
             ("group", "M8 at 5 Hz"),
             ("reference file", "its clock is that of the log"),
             ("remark", "text of one"),
             ("alarm", "text of two"),
+            ("warning", "clock: set"),
+            ("warning", "rows: left out"),
         ];
         assert_eq!(rows(&one_flight(&more)), known);
         assert!(data("minor-loss").contains("less than 0.1 %"), "{}", data("minor-loss"));
+        let in_campaign = DelayLine { warning_texts: vec![], ..more.clone() };
+        assert!(rows(&one_flight(&in_campaign)).contains(&("warnings", "2, listed on the page of the flight")));
         let own = DelayLine { removed_from: "own-network".to_owned(), ..more };
         assert_eq!(removed(&own), "200.0 ± 8.0 ms, from this flight");
     }

@@ -143,6 +143,7 @@ fn contradictions_are_among_the_alarms_of_the_terminal_and_of_json() {
         damaged: false,
         tail_cut: false,
         warnings: 0,
+        warning_texts: &[],
         pending: None,
         replayed: true,
         duplicate_of: None,
