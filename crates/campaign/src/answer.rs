@@ -293,8 +293,8 @@ fn answered(
         out.words += &velocities_in_words(&velocity, network);
     }
     let absolute = out.lateness.as_ref().is_some_and(|l| l.relative_to.is_none());
-    let one_delay = matches!(out.kind, DelayKind::Constant | DelayKind::Scatters | DelayKind::NotTested);
-    if let Some(lateness_s) = out.lateness_s().filter(|_| absolute && one_delay) {
+    let may_be_set = |lateness_s: &Estimate| Side::of_estimate(lateness_s) == Side::Late && !out.kind.varies();
+    if let Some(lateness_s) = out.lateness_s().filter(|lateness_s| absolute && may_be_set(lateness_s)) {
         let other_velocity = network.and_then(|n| other_velocity(n, &position));
         out.advice = advice(&lateness_s, &out, other_velocity, health);
     }
@@ -318,18 +318,43 @@ fn kind_of(out: &FlightLateness, over_time: Option<&DelayOverTime>, measured: Op
     let Some(Estimate { value, standard_uncertainty: Some(u) }) = out.lateness_s() else {
         return DelayKind::CannotTell;
     };
-    // Windows that scatter contradict a constant delay.
+    // The other words say that the delay stays the same.
     let scatters = measured.and_then(|m| m.homogeneity).is_some_and(|h| h.scatters());
-    if value.abs() + 1.645 * u < ON_TIME_S {
-        DelayKind::OnTime
-    } else if value + 1.96 * u < 0.0 {
-        DelayKind::Early
-    } else if !over_time.is_some_and(tested) {
-        DelayKind::NotTested
-    } else if scatters {
-        DelayKind::Scatters
-    } else {
-        DelayKind::Constant
+    if !over_time.is_some_and(tested) {
+        return DelayKind::NotTested;
+    }
+    if scatters {
+        return DelayKind::Scatters;
+    }
+    match Side::of(value, u) {
+        Side::OnTime => DelayKind::OnTime,
+        Side::Early => DelayKind::Early,
+        Side::Late => DelayKind::Constant,
+    }
+}
+
+/// Where a lateness lies, whether or not it stays the same.
+#[derive(Clone, Copy, PartialEq)]
+enum Side {
+    /// Zero within the margin, by the test of equivalence.
+    OnTime,
+    Early,
+    Late,
+}
+
+impl Side {
+    fn of(lateness_s: f64, u: f64) -> Side {
+        if lateness_s.abs() + 1.645 * u < ON_TIME_S {
+            Side::OnTime
+        } else if lateness_s + 1.96 * u < 0.0 {
+            Side::Early
+        } else {
+            Side::Late
+        }
+    }
+
+    fn of_estimate(lateness_s: &Estimate) -> Side {
+        Side::of(lateness_s.value, lateness_s.standard_uncertainty.unwrap_or_default())
     }
 }
 
@@ -361,7 +386,7 @@ fn words(out: &FlightLateness, pair: Option<&PairDelay>, over_time: Option<&Dela
     };
     let value = in_ms(&channel.lateness_s);
     let datum = if channel.datum == NetworkDatum::Reference { "the reference" } else { "the IMU" };
-    let mut text = match (&channel.relative_to, out.kind) {
+    let mut text = match (&channel.relative_to, Side::of_estimate(&channel.lateness_s)) {
         (Some(zero), _) if channel.lateness_s.value >= 0.0 => {
             format!("{position} is {value} ms later than {zero}; the lateness of both is unknown")
         }
@@ -369,8 +394,8 @@ fn words(out: &FlightLateness, pair: Option<&PairDelay>, over_time: Option<&Dela
             let earlier = Estimate { value: -channel.lateness_s.value, ..channel.lateness_s };
             format!("{position} is {} ms earlier than {zero}; the lateness of both is unknown", in_ms(&earlier))
         }
-        (None, DelayKind::OnTime) => format!("{position} is on time ({value} ms against {datum})"),
-        (None, DelayKind::Early) => format!("{position} is early ({value} ms against {datum})"),
+        (None, Side::OnTime) => format!("{position} is on time ({value} ms against {datum})"),
+        (None, Side::Early) => format!("{position} is early ({value} ms against {datum})"),
         (None, _) if channel.weak => {
             let least = 1e3 * channel.at_least_s.unwrap_or(channel.lateness_s.value);
             format!("{position} is at least {least:.0} ms late against {datum} ({value} ms)")

@@ -71,10 +71,13 @@ fn what_to_fly_is_what_the_reason_says_and_nothing_for_a_delay_that_changes() {
 /// The kind is relative to the datum next to it; the sentence names that datum.
 #[test]
 fn a_difference_has_a_kind_and_its_sentence_never_says_late() {
-    for (value_s, kind) in [(-0.507, DelayKind::Early), (0.001, DelayKind::OnTime), (0.203, DelayKind::NotTested)] {
-        assert_eq!(kind_of(&late(value_s, None), None, None), kind);
+    let tested = crate::answer::alarms::tests::over_time(DelayKind::Constant);
+    for (value_s, kind) in [(-0.507, DelayKind::Early), (0.001, DelayKind::OnTime), (0.203, DelayKind::Constant)] {
+        assert_eq!(kind_of(&late(value_s, None), Some(&tested), None), kind);
+        // Former bug: early and on time, which say that the delay stays the same, where that was not tested.
+        assert_eq!(kind_of(&late(value_s, None), None, None), DelayKind::NotTested);
         let difference = late(value_s, Some("velocity.gps"));
-        assert_eq!(kind_of(&difference, None, None), kind);
+        assert_eq!(kind_of(&difference, Some(&tested), None), kind);
         let text = words(&FlightLateness { kind, ..difference }, None, None);
         assert!(text.contains("than velocity.gps; the lateness of both is unknown"), "{text}");
     }
