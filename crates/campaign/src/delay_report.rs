@@ -349,7 +349,7 @@ impl Reader<'_> {
         measured.lateness.alarms.extend(losses::alarm(&loaded.flight.notices, &loaded.health));
         measured.lateness.alarms.extend(wrong_map(&loaded.flight.notices));
         measured.lateness.alarms.sort();
-        let warnings = warnings(&loaded.flight.notices, measured.notices);
+        let warnings = warnings(&loaded.flight.notices, measured.notices, &measured.lateness.alarms);
         let has_reference = loaded.flight.first_of(pipeline.reference()).is_some();
         let kept = (self.keep && has_reference).then_some(loaded);
         Measured {
@@ -424,16 +424,24 @@ impl Reader<'_> {
     }
 }
 
-/// The warnings about a log and its analysis, each once.
-fn warnings(of_log: &Notices, of_analysis: Notices) -> Vec<String> {
+/// The warnings about a log and its analysis that are not alarms, each once.
+fn warnings(of_log: &Notices, of_analysis: Notices, alarms: &[DelayAlarm]) -> Vec<String> {
     let mut all = of_log.clone();
     all.extend_unsaid(of_analysis);
     // A place that is empty or begins the text itself is not written before it.
     let words = |notice: &Notice| match notice.text.starts_with(&notice.place) {
         true => notice.text.clone(),
-        false => format!("{}: {}", notice.place, notice.text),
+        false => format!("{}: {}", notice.place.trim_end_matches(", "), notice.text),
     };
-    all.iter().filter(|notice| notice.severity == Severity::Warning).map(words).collect()
+    let is_alarm = |notice: &Notice| alarms.iter().any(|alarm| alarm.text.ends_with(&notice.text));
+    let of_warnings = all.iter().filter(|notice| notice.severity == Severity::Warning && !is_alarm(notice));
+    let mut texts: Vec<String> = vec![];
+    for text in of_warnings.map(words) {
+        if !texts.contains(&text) {
+            texts.push(text);
+        }
+    }
+    texts
 }
 
 /// An alarm if a channel map of the user does not fit.

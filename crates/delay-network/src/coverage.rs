@@ -102,7 +102,7 @@ fn coverage(vector: &Value, seed: u64) -> (Vec<(String, f64)>, Option<f64>) {
         .zip(&inside)
         // the zero is exact, and the datum's own figure deliberately counts its noise twice
         .filter(|(channel, _)| channel.relative_to.as_ref() != Some(&channel.channel))
-        .filter(|(channel, _)| !channel.channel.starts_with("acc["))
+        .filter(|(channel, _)| !crate::lineage::is_acceleration(&channel.channel))
         .map(|(channel, inside)| (channel.channel.clone(), f64::from(*inside) / TRIALS as f64))
         .collect();
     let mean = (!ratios.is_empty()).then(|| ratios.iter().sum::<f64>() / ratios.len() as f64);

@@ -22,7 +22,7 @@ mod solve;
 mod words;
 
 pub use crate::decide::{FlightSources, GroupDecision, PositionLateness, RelativeLateness, decide};
-pub use crate::lineage::{Lineage, lineage_from_name};
+pub use crate::lineage::{Lineage, is_acceleration, lineage_from_name};
 pub use crate::observation::PairObservation;
 pub use crate::pool::{FlightLateness, pool};
 pub use crate::settings::{ModelErrors, NetworkSettings, ReferenceUse};

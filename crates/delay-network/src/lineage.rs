@@ -88,9 +88,15 @@ pub(crate) fn family(channel: &str, role: Role) -> String {
     }
 }
 
+/// Whether a channel of a network stands for attitude and specific force together.
+#[must_use]
+pub fn is_acceleration(channel: &str) -> bool {
+    channel.starts_with("acc[")
+}
+
 /// Name of attitude and specific force as one channel: `attitude.ahrs2 + specific-force.imu` is `acc[ahrs2+imu]`.
 pub(crate) fn acceleration_name(second: &str) -> String {
-    if second.starts_with("acc[") {
+    if is_acceleration(second) {
         return second.to_owned();
     }
     let parts: Vec<&str> = second

@@ -383,6 +383,11 @@ const FIRED_ALARMS: &[(Alarm, &str, &str)] = &[
     (Alarm::Outliers, "crates/campaign/src/answer/alarms.rs", "doubts_about_a_fit_raise_an_alarm"),
     (Alarm::DelayDoubtful, "crates/campaign/src/answer/alarms.rs", "doubts_about_a_fit_raise_an_alarm"),
     (Alarm::ReferenceNotUsed, "tests/it/reference.rs", "an_unusable_reference_file_is_an_alarm_with_its_reason"),
+    (
+        Alarm::ReferenceContradicted,
+        "crates/campaign/src/answer/alarms.rs",
+        "an_imu_that_is_not_on_time_against_the_reference_is_an_alarm",
+    ),
     (Alarm::CardNotUsed, "crates/campaign/src/decide.rs", "a_card_that_does_not_apply_to_the_flight_is_an_alarm"),
     (
         Alarm::DelayDiffersBetweenParts,

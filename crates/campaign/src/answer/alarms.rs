@@ -1,10 +1,10 @@
 //! Alarms of one flight.
 
-use super::counted;
+use super::{counted, in_ms};
 use flight::Alarm;
 use record::{
-    DelayAlarm, DelayKind, DelayNetwork, DelayOverTime, DelayTerm, DelayTermKind, FlightLateness, MeasuredDelay,
-    NetworkDatum, NetworkVerdict,
+    ChannelLateness, DelayAlarm, DelayKind, DelayNetwork, DelayOverTime, DelayTerm, DelayTermKind, Estimate,
+    FlightLateness, MeasuredDelay, NetworkDatum, NetworkVerdict,
 };
 use std::collections::BTreeSet;
 
@@ -12,6 +12,8 @@ use std::collections::BTreeSet;
 const MANY_OUTLIERS: f64 = 0.05;
 /// A step this close to a whole second is a clock step, s.
 const CLOCK_STEP_S: f64 = 0.05;
+/// Lateness of accelerations above which an IMU is not on time, s. Filters of an attitude delay them by less.
+const IMU_OFF_TIME_S: f64 = 0.05;
 /// Delays that indicate a mix of time scales, s: GPS time is ahead of UTC by 13 s since 1999 and 18 s since 2017.
 const TIME_SCALES_APART_S: [f64; 2] = [12.5, 19.0];
 
@@ -97,6 +99,18 @@ impl Alarms {
             let text = network.map(|n| n.datum_words.clone()).unwrap_or_default();
             self.raise(Alarm::DatumRefused, text);
         }
+        let off_time = network.iter().flat_map(|n| &n.channels).filter(|channel| is_imu_off_time(channel));
+        for channel in off_time {
+            let late = in_ms(&channel.lateness_s);
+            self.raise(
+                Alarm::ReferenceContradicted,
+                format!(
+                    "{} is {late} ms late against the reference, and an IMU is on time to some milliseconds: the clock of the \
+                     reference is off, or the IMU is late",
+                    channel.channel
+                ),
+            );
+        }
     }
 
     /// Doubts about the fit of position against velocity.
@@ -130,6 +144,13 @@ impl Alarms {
             self.raise(Alarm::DelayDoubtful, format!("{compared}: {text}"));
         }
     }
+}
+
+/// Whether accelerations are further from the reference in time than an IMU and its attitude can be.
+fn is_imu_off_time(channel: &ChannelLateness) -> bool {
+    let Estimate { value, standard_uncertainty } = channel.lateness_s;
+    let is_imu = delay_network::is_acceleration(&channel.channel) && channel.datum == NetworkDatum::Reference;
+    is_imu && value.abs() > IMU_OFF_TIME_S.max(3.0 * standard_uncertainty.unwrap_or_default())
 }
 
 /// The alarm for a varying delay.
@@ -182,6 +203,37 @@ fn other_time_scale(apart_s: f64) -> Option<String> {
 pub(super) mod tests {
     use super::*;
     use serde_json::json;
+
+    /// Former bug: a reference 0.3 s off in time gave a delay of 551 ms, although the IMU of the log said 251 ms.
+    #[test]
+    fn an_imu_that_is_not_on_time_against_the_reference_is_an_alarm() {
+        use delay_network::{NetworkSettings, PairObservation, ReferenceUse, lineage_from_name, solve};
+        use record::DelayPairKind::{PositionAgainstReference, PositionAgainstVelocity, VelocityAgainstAcceleration};
+        let raised = |reference, imu_late_s: f64| {
+            let pair = |kind, first: &str, second: &str, delay_s| {
+                PairObservation::measured(kind, first, second, delay_s, 0.001)
+            };
+            let pairs = [
+                pair(PositionAgainstReference, "position.gps", "position.truth", 0.55),
+                pair(PositionAgainstVelocity, "position.gps", "velocity.gps", 0.15),
+                pair(
+                    VelocityAgainstAcceleration,
+                    "velocity.gps",
+                    "attitude.ins + specific-force.imu",
+                    0.4 - imu_late_s,
+                ),
+            ];
+            let settings = NetworkSettings { reference, ..NetworkSettings::default() };
+            let network = solve(&pairs, &lineage_from_name, &settings).unwrap();
+            let alarms = of(&crate::answer::unknown("f"), Some(&network), None, None);
+            alarms.into_iter().filter(|alarm| alarm.code == Alarm::ReferenceContradicted).count()
+        };
+        for imu_late_s in [0.3, -0.3] {
+            assert_eq!(raised(ReferenceUse::Datum, imu_late_s), 1, "{imu_late_s}");
+            assert_eq!(raised(ReferenceUse::Judges, imu_late_s), 0, "{imu_late_s}");
+        }
+        assert_eq!(raised(ReferenceUse::Datum, 0.02), 0);
+    }
 
     #[test]
     fn a_step_of_a_whole_second_is_a_clock_step() {

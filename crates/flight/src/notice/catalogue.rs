@@ -418,6 +418,10 @@ catalogue! {
         ReferenceNotUsed, "reference-not-used", Amber,
             "The reference file was not used. The text gives the reason. The exit code is 3.",
             "Correct what the text names: day, clock or columns of the reference file.";
+        ReferenceContradicted, "reference-contradicted", Amber,
+            "The accelerations of the IMU are early or late by more than 50 ms against the reference. An IMU is on time to some \
+             milliseconds, so the clock of the reference is off, or the IMU is late.",
+            "Check the clock of the reference. Let it be measured: leave out `--reference-clock same`.";
         CardNotUsed, "card-not-used", Amber,
             "The delay of the sensor card was asked for and does not apply to this flight, so nothing was removed. The text gives the \
              reason.",
