@@ -110,6 +110,35 @@ fn row_3_takes_the_others_if_the_own_delay_is_unknown() {
     }
 }
 
+/// Former bug: a position 301 ms later than its velocity got the mean of flights where it is 147 ms later, and the
+/// removal was judged by that mean.
+#[test]
+fn a_flight_whose_position_minus_velocity_is_unlike_the_others_does_not_get_their_mean() {
+    let with_relative = |count| {
+        let mut group = group(count);
+        group.iter_mut().for_each(|flight| flight.relative = relative());
+        group
+    };
+    let own = |delay_s: f64, velocity: &str| FlightSources {
+        flight: "own".to_owned(),
+        relative: Some(RelativeLateness { delay_s: estimate(delay_s, 0.0015), velocity: velocity.to_owned() }),
+        ..FlightSources::default()
+    };
+    for (delay_s, velocity, is_unlike) in [
+        (0.301, "velocity.ekf", true),
+        (0.05, "velocity.ekf", true),
+        (0.16, "velocity.ekf", false),
+        (0.301, "velocity.gps", false),
+    ] {
+        let removed = by_default(&with(with_relative(4), own(delay_s, velocity)));
+        let source = (!is_unlike).then_some(DelaySource::OthersFlights);
+        assert_eq!((removed.source, removed.row), (source, if is_unlike { 8 } else { 3 }), "{delay_s} {velocity}");
+        assert_eq!(removed.words.contains("is not its delay"), is_unlike, "{}", removed.words);
+    }
+    let card = FlightSources { card_s: Some(estimate(0.3, 0.01)), ..own(0.301, "velocity.ekf") };
+    assert_eq!(by_default(&with(with_relative(4), card)).source, Some(DelaySource::Card));
+}
+
 #[test]
 fn row_4_takes_the_own_delay_without_enough_others() {
     for others in [0, 1] {

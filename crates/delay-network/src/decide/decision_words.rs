@@ -64,6 +64,16 @@ pub(crate) fn without_own_delay(flight: &FlightSources, evidence: &Evidence, sou
         true => " Its group has two different delays, and which one this flight has is unknown.",
         false => "",
     };
+    let unlike = match (&flight.relative, evidence.unlike_s) {
+        (Some(pair), Some(others_s)) => format!(
+            " The mean of the other flights of its group is not its delay: position minus {} is {} here and {} ms in \
+             those flights.",
+            pair.velocity,
+            with_uncertainty(pair.delay_s),
+            ms(others_s)
+        ),
+        _ => String::new(),
+    };
     let done = match source {
         Some(DelaySource::Card) => "The delay on the sensor card is removed.",
         Some(DelaySource::Fixed) => {
@@ -71,7 +81,7 @@ pub(crate) fn without_own_delay(flight: &FlightSources, evidence: &Evidence, sou
         }
         _ => "Nothing is removed.",
     };
-    format!("{known}.{cluster} {done}")
+    format!("{known}.{cluster}{unlike} {done}")
 }
 
 /// Row 9.

@@ -1,13 +1,16 @@
 //! What each flight of a group knows about its own delay, and what the other flights show.
 
-use super::{FlightSources, PositionLateness};
+use super::{FlightSources, PositionLateness, RelativeLateness};
 use crate::pool::{FlightLateness, Group, OUTLIER_Z, Others, pool};
 use crate::solve::trusted;
 use record::{DelayPool, Estimate, NetworkDatum};
+use signal::{median_by_selection, robust_sigma};
 use std::collections::BTreeMap;
 
 /// Least number of other flights for a mean.
 const LEAST_OTHERS: usize = 2;
+/// Smallest difference of position against velocity between flights that counts, s.
+const LEAST_UNLIKE_S: f64 = 0.02;
 
 /// Evidence on the delay of one flight.
 #[derive(Debug, Clone, Copy, Default)]
@@ -20,6 +23,9 @@ pub(crate) struct Evidence {
     pub(crate) z: Option<f64>,
     /// Whether the group consists of several clusters and this flight's cluster is unknown.
     pub(crate) cluster_unknown: bool,
+    /// How much later the position of the other flights is than the same velocity, s, if this flight differs from it
+    /// and has no lateness of its own: their mean is not its delay.
+    pub(crate) unlike_s: Option<f64>,
 }
 
 impl Evidence {
@@ -64,6 +70,11 @@ impl GroupFlights {
                 judge_outsider(&mut evidence[at], own[at].as_ref(), &clusters, datum_uncertainty_s);
             }
         }
+        let usual = usual_relative(flights, &pooled);
+        for (at, flight) in flights.iter().enumerate().filter(|(at, _)| own[*at].is_none()) {
+            let pair = flight.relative.as_ref().filter(|_| evidence[at].others.is_some());
+            evidence[at].unlike_s = pair.and_then(|pair| usual.get(pair.velocity.as_str())?.unlike(pair));
+        }
         for pool in &mut pools {
             rename(pool, flights);
         }
@@ -77,6 +88,43 @@ impl GroupFlights {
     pub(crate) fn into_pools(self) -> Vec<DelayPool> {
         self.pools
     }
+}
+
+/// Position against one velocity in the flights of a mean.
+struct UsualRelative {
+    median_s: f64,
+    /// Spread between the flights and the uncertainty of one of them together.
+    deviation_s: f64,
+}
+
+impl UsualRelative {
+    /// The usual value, if that of a flight differs from it.
+    fn unlike(&self, pair: &RelativeLateness) -> Option<f64> {
+        let deviation_s = self.deviation_s.hypot(pair.delay_s.standard_uncertainty?);
+        let apart_s = (pair.delay_s.value - self.median_s).abs();
+        (apart_s > LEAST_UNLIKE_S.max(OUTLIER_Z * deviation_s)).then_some(self.median_s)
+    }
+}
+
+/// By velocity. Medians, because outliers are among the flights.
+fn usual_relative<'a>(flights: &'a [FlightSources], pooled: &[usize]) -> BTreeMap<&'a str, UsualRelative> {
+    let mut all: BTreeMap<&str, [Vec<f64>; 2]> = BTreeMap::new();
+    for pair in pooled.iter().filter_map(|&at| flights[at].relative.as_ref()) {
+        if let Estimate { value, standard_uncertainty: Some(u) } = pair.delay_s
+            && value.is_finite()
+            && u.is_finite()
+        {
+            let [values, us] = all.entry(&pair.velocity).or_default();
+            values.push(value);
+            us.push(u);
+        }
+    }
+    let usual = |[values, us]: &[Vec<f64>; 2]| {
+        let deviation_s = robust_sigma(values)?.hypot(median_by_selection(us)?);
+        Some(UsualRelative { median_s: median_by_selection(values)?, deviation_s })
+    };
+    let enough = all.iter().filter(|(_, [values, _])| values.len() >= LEAST_OTHERS);
+    enough.filter_map(|(velocity, both)| Some((*velocity, usual(both)?))).collect()
 }
 
 /// Own delay of a flight, if it is against the IMU (or a requested reference), decided and not weak. Identified by its

@@ -88,6 +88,7 @@ impl Table<'_> {
     fn by_flights(&self) -> Option<Choice> {
         let (row, delay_s) = match (self.evidence.others, self.evidence.own) {
             (Some(_), Some(own)) if self.evidence.differs() => (2, own),
+            (Some(_), None) if self.evidence.unlike_s.is_some() => return None,
             (Some(others), own) => {
                 let mean = Estimate { value: others.mean_s, standard_uncertainty: Some(others.uncertainty_s) };
                 (if own.is_some() { 1 } else { 3 }, mean)
