@@ -125,7 +125,7 @@ fn delay_of(
 struct Compared<'a> {
     /// Without spikes.
     second: Cow<'a, Horizontal>,
-    /// A fast velocity or a noisy track, with its white noise averaged before it is integrated or interpolated.
+    /// A fast velocity, a noisy track or a noisy acceleration, with its white noise averaged before it is integrated or interpolated.
     smoothed: Option<Horizontal>,
     /// Usual interval, s.
     step_s: Option<f64>,
@@ -150,7 +150,7 @@ impl<'a> Compared<'a> {
         let smoothed = match (is_velocity, prepared.integrate) {
             (true, _) => pieces::smoothed_velocity(&second, step_s),
             (false, false) => pieces::smoothed_track(&second, step_s),
-            (false, true) => None,
+            (false, true) => pieces::smoothed_acceleration(&second, step_s),
         };
         Compared { second, smoothed, step_s, is_velocity }
     }

@@ -689,6 +689,37 @@ fn velocity_is_measured_against_rotated_specific_force_with_any_bias() {
     }
 }
 
+/// With white noise on every component of a channel.
+fn with_noise(flight: &mut Flight, name: &str, std: f64, seed: u64) {
+    let mut random = Pcg64::seed_from_u64(seed);
+    let noisy = |x: &f64| x + std * Distribution::<f64>::sample(&StandardNormal, &mut random);
+    let channel = flight.channels.get_mut(name).unwrap();
+    let all: Vec<f64> = channel.series.components().iter().flat_map(|x| x.iter()).map(noisy).collect();
+    let columns = all.chunks(channel.series.len()).map(<[f64]>::to_vec).collect();
+    channel.series = Series::new(channel.series.timeline().clone(), columns).unwrap();
+}
+
+/// Former bug: noise of an accelerometer as large as its motion counted as motion, and moved the delay by up to a
+/// quarter of the velocity's step, with a standard uncertainty below 1 ms.
+#[test]
+fn noise_of_an_accelerometer_does_not_move_the_delay_of_a_velocity() {
+    for noise in [2.0, 6.0] {
+        let error = |seed: u64| {
+            let mut flight = banked(0.12, [0.0; 3], &weaving);
+            with_noise(&mut flight, "velocity.gps", 0.1, seed);
+            with_noise(&mut flight, "specific-force.imu", noise, seed + 1000);
+            let (delays, _) = compensation_replay::measure_delays(&flight, &quick());
+            let delay_s = delays.pairs[0].delay.found()?.delay_s;
+            Some((delay_s.value - 0.12) / delay_s.standard_uncertainty.unwrap())
+        };
+        let errors: Vec<Option<f64>> = (0..20).map(error).collect();
+        // As much noise as motion gives no delay.
+        assert!(noise > 2.0 || errors.iter().all(Option::is_some), "{noise}: {errors:?}");
+        // One of 40 normal errors is outside of 4.2 once in 900 runs.
+        assert!(errors.iter().flatten().all(|z| z.abs() < 4.2), "{noise}: {errors:?}");
+    }
+}
+
 /// In a steady circle a delay rotates the acceleration by a fixed angle, like forward and right biases do.
 #[test]
 fn a_steady_circle_cannot_separate_a_delay_from_a_bias() {
