@@ -282,6 +282,7 @@ fn answered(
     out.kind = kind_of(&out, over_time, measured);
     out.also = also(over_time);
     out.alarms = alarms::of(&out, network, measured, over_time);
+    out.alarms.extend(unused_imu(&out, delays));
     out.words = words(&out, pair, over_time);
     if let Some((reference, check)) = checked_by_reference(&out, delays) {
         out.words += &check;
@@ -300,6 +301,18 @@ fn answered(
     }
     out.advice.fly = fly(&out, pair, over_time);
     out
+}
+
+/// Why the IMU of a log does not show how late position and velocity are.
+fn unused_imu(out: &FlightLateness, delays: &FlightDelays) -> Option<DelayAlarm> {
+    let velocity = out.velocity.as_deref().filter(|_| out.datum == NetworkDatum::None && out.lateness.is_some())?;
+    let is_imu = |p: &&PairDelay| p.kind == DelayPairKind::VelocityAgainstAcceleration && p.first == velocity;
+    let why = |p: &PairDelay| match (&p.delay, &p.not_for_network) {
+        (Finding::CannotTell(why), _) | (_, Some(why)) => Some(format!("{} is not used: {why}", p.second)),
+        (Finding::Found(_), None) => None,
+    };
+    let text = delays.pairs.iter().filter(is_imu).find_map(why)?;
+    Some(DelayAlarm::of(Alarm::DelayRemark, text))
 }
 
 fn against(channel: Option<&ChannelLateness>, velocity: &str) -> String {

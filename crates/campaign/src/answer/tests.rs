@@ -1,13 +1,16 @@
 //! Wording of a lateness and of a difference, and other consequences of an answer.
 
-use super::{advice_in, fly, kind_of, other_receivers, receivers_in_words, unknown, velocities_in_words, words};
+use super::{
+    advice_in, fly, kind_of, other_receivers, receivers_in_words, unknown, unused_imu, velocities_in_words, words,
+};
 use crate::config::Pipeline;
 use crate::known_lateness::velocity_lateness_s;
 use crate::line::{DelayLine, LineParts};
 use delay_network::{NetworkSettings, PairObservation, lineage_from_name, solve};
 use record::{
     ChannelLateness, Decision, DelayAdvice, DelayAlarm, DelayKind, DelayOverTime, DelayPairKind, DelaySetting,
-    DelaySource, Estimate, FlightLateness, Gravity, GroupLateness, NetworkDatum, NetworkVerdict,
+    DelaySource, Estimate, Finding, FlightDelays, FlightLateness, Gravity, GroupLateness, NetworkDatum, NetworkVerdict,
+    PairDelay,
 };
 
 fn estimate(value: f64, u: f64) -> Estimate {
@@ -81,6 +84,30 @@ fn a_difference_has_a_kind_and_its_sentence_never_says_late() {
         let text = words(&FlightLateness { kind, ..difference }, None, None);
         assert!(text.contains("than velocity.gps; the lateness of both is unknown"), "{text}");
     }
+}
+
+/// Former bug: "the lateness of both is unknown", and no word on the IMU that the log has.
+#[test]
+fn an_imu_that_is_not_used_is_reported_with_its_reason() {
+    let pair = |first: &str, why: &str| PairDelay {
+        kind: DelayPairKind::VelocityAgainstAcceleration,
+        first: first.into(),
+        second: "attitude.ins + specific-force.imu".into(),
+        meaning: String::new(),
+        origin: None,
+        excitation: None,
+        delay: Finding::CannotTell(why.into()),
+        varies: None,
+        not_for_network: None,
+        lever_arm_s_per_decimetre: None,
+    };
+    let delays = FlightDelays { pairs: vec![pair("velocity.ekf", "other"), pair("velocity.gps", "check axes")] };
+    let relative = late(0.1, Some("velocity.gps"));
+    let remark = unused_imu(&relative, &delays).unwrap();
+    assert_eq!(remark.text, "attitude.ins + specific-force.imu is not used: check axes");
+    assert_eq!(remark.gravity, Gravity::Grey);
+    let known = FlightLateness { datum: NetworkDatum::Imu, ..late(0.1, None) };
+    assert_eq!(unused_imu(&known, &delays), None);
 }
 
 /// The delay of one receiver is wrong for another. Not reported: an equally late receiver, a filter and a truth.
