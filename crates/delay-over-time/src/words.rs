@@ -252,9 +252,10 @@ fn clock_skew(found: &Found, v: &Verdict) -> Option<String> {
     let stands_out = (rate.value * (end - start)).abs() > SKEW_SCATTERS * c.scatter_s;
     (stands_out && rate.value.abs() < CLOCK_SKEW).then(|| {
         let u = rate.standard_uncertainty.unwrap_or(0.0);
+        let changes = if rate.value < 0.0 { "shrinks" } else { "grows" };
         format!(
-            "The delay grows by {:.1} ± {:.1} ppm, as between clocks that run at different rates.",
-            1e6 * rate.value,
+            "The delay {changes} by {:.1} ± {:.1} ppm, as between clocks that run at different rates.",
+            1e6 * rate.value.abs(),
             2e6 * u
         )
     })
@@ -373,7 +374,7 @@ mod tests {
             ))
         };
         assert_eq!(skew(5e-5), text("50.0"));
-        assert!(skew(-5e-5).unwrap().contains("50.0 ± "));
+        assert!(skew(-5e-5).unwrap().starts_with("The delay shrinks by 50.0 ± "));
         assert_eq!(skew(2.9 * u), None);
         assert_eq!(skew(2.1e-4), None);
         // 11 ms of trend among windows that scatter by 20 ms.

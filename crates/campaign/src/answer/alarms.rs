@@ -128,7 +128,9 @@ impl Alarms {
         }
         if let Some(h) = fit.homogeneity.filter(|h| !varies && h.scatters()) {
             let cause = match over_time {
-                Some(over_time) if super::tested(over_time) => "no step, drift or queue explains it",
+                Some(over_time) if super::tested(over_time) => {
+                    "no step, drift or queue large enough to count was detected"
+                }
                 _ => "whether a step, drift or queue explains it was not tested",
             };
             let text = format!(
@@ -380,13 +382,16 @@ pub(super) mod tests {
             codes(&alarms(&doubtful)),
             ["two-delays-fit", "delay-doubtful", "outliers", "delay-windows-scatter"]
         );
-        // Former bug: "no step, drift or queue explains it" where none was tried.
+        // Former bug: "no step, drift or queue large enough to count was detected" where none was tried.
         let text = |over_time: Option<&DelayOverTime>| {
             let alarms = of(&crate::answer::unknown("f"), None, Some(&doubtful), over_time);
             alarms.into_iter().find(|alarm| alarm.code == "delay-windows-scatter").unwrap().text
         };
         assert!(text(None).contains("whether a step, drift or queue explains it was not tested"));
-        assert!(text(Some(&over_time(DelayKind::Constant))).contains("no step, drift or queue explains it."));
+        assert!(
+            text(Some(&over_time(DelayKind::Constant)))
+                .contains("no step, drift or queue large enough to count was detected.")
+        );
         let kind =
             |over_time| crate::answer::kind_of(&crate::answer::tests::late(0.2, None), over_time, Some(&doubtful));
         assert_eq!(kind(None), DelayKind::NotTested);

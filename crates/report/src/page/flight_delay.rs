@@ -220,7 +220,7 @@ fn constancy(pair: &PairDelay, scatter: Option<DelayHomogeneity>) -> Markup {
                 "The windows scatter by more than their bars (χ² = " (plain(scatter.chi2, 3)) ", "
                 (number::counted(scatter.degrees_of_freedom, "degree", "degrees")) " of freedom, " (p_value(scatter.p))
                 "), and "
-                @if constancy.tested { "no step, drift or queue explains it" } @else { "whether a step, drift or queue explains it was not tested" }
+                @if constancy.tested { "no step, drift or queue large enough to count was detected" } @else { "whether a step, drift or queue explains it was not tested" }
                 ". U includes that scatter."
             } @else if let (true, Some(least_s)) = (constancy.tested, constancy.detectable_s) {
                 @if constancy.note.is_none() { "No change of the delay was detected. " }
