@@ -195,7 +195,7 @@ fn curves(svg: &str, name: &str) -> Vec<Vec<(f64, f64)>> {
 fn fig_4_has_the_panels_of_the_paper_in_order_and_then_height() {
     let site = whole_site();
     for path in ["figures/fig-4.svg", "figures/fig-4-whole.svg"] {
-        let svg = text(&site, path);
+        let svg = text(site, path);
         let names = [
             "position.ins",
             "velocity.ins",
@@ -481,11 +481,11 @@ fn the_index_of_cards_counts_the_records_behind_the_position() {
 #[test]
 fn an_outlier_of_a_card_is_named_and_drawn_differently() {
     let site = the_card();
-    let html = text(&site, "index.html");
+    let html = text(site, "index.html");
     let left_out = html.split("Left out of the mean").nth(2).unwrap().split("</table>").next().unwrap();
     let row = left_out.split("<tr>").find(|row| row.contains(">position.ins<")).unwrap();
     assert!(row.contains("3: swing-09") && row.contains("outlier"), "{row}");
-    let svg = text(&site, "figures/forest.svg");
+    let svg = text(site, "figures/forest.svg");
     let (kept, out) = (curves(&svg, "one record, ± U"), curves(&svg, "left out"));
     let channels = card().0.channels.len();
     // Each dot is a move and a zero-length line.
