@@ -177,6 +177,17 @@ impl SharedMean {
     pub(crate) fn u(&self) -> f64 {
         self.own_u.hypot(self.common)
     }
+
+    /// That of so many flights: at least half of the half-width of the 95 % interval, in which the spread of a few
+    /// flights is uncertain itself (Student's t), as for the group of a campaign.
+    pub(crate) fn u_of(&self, flights: usize) -> f64 {
+        let t = match flights.checked_sub(1) {
+            None | Some(0) => return self.u(),
+            Some(degrees_of_freedom) => signal::student_quantile(0.975, degrees_of_freedom as f64),
+        };
+        let half_width = (t * self.own_u).hypot(signal::normal_quantile(0.975) * self.common);
+        self.u().max(0.5 * half_width)
+    }
 }
 
 /// Standard deviation between all values in addition to their uncertainties (Paule and Mandel 1982): 0 if those explain

@@ -26,7 +26,7 @@ pub struct LatencyLine {
     pub flights: u64,
     /// Weighted mean, s.
     pub lateness_s: f64,
-    /// Its standard uncertainty, s. The part of the model error that all flights share is not averaged down.
+    /// Its standard uncertainty, s, with Student's t for few flights. The part of the model error that all flights share is not averaged down.
     pub lateness_u_s: f64,
     /// That shared part, s: the smallest of any of these flights.
     pub lateness_common_u_s: f64,
@@ -69,7 +69,7 @@ pub fn latency(latest: &[&Brief]) -> Vec<LatencyLine> {
             datum,
             flights,
             lateness_s: mean.mean,
-            lateness_u_s: mean.u(),
+            lateness_u_s: mean.u_of(x.len()),
             lateness_common_u_s: mean.common,
             between_s: mean.between,
             low_s,
@@ -104,7 +104,9 @@ mod tests {
         let table = latency(&latest_briefs(&briefs));
         let short: Vec<(u64, f64)> = table.iter().map(|line| (line.flights, (line.lateness_s * 1e6).round())).collect();
         assert_eq!(short, [(2, 118_500.0), (1, 100_000.0)]);
-        assert!((table[0].lateness_u_s - 0.002 / 2f64.sqrt()).abs() < 1e-9);
+        // Half of Student's half-width: t = 12.7062 for two flights.
+        assert!((table[0].lateness_u_s - 0.5 * 12.706_205 * 0.002 / 2f64.sqrt()).abs() < 1e-8);
+        assert!((table[1].lateness_u_s - 0.002).abs() < 1e-9, "one flight has its own");
         assert_eq!(table[0].baud.as_deref(), Some("115200 baud"));
     }
 
@@ -139,7 +141,8 @@ mod tests {
         let found = latency(&latest_briefs(&rows)).into_iter().next().unwrap();
         // Ten at 400 ms and six at 450 ms: mean 418.75 ms, sample standard deviation 25.0 ms.
         assert!((found.lateness_s - 0.41875).abs() < 0.1e-3 && (found.between_s - 0.025).abs() < 0.2e-3, "{found:?}");
-        assert!((found.lateness_u_s - 0.025 / 4.0).abs() < 0.1e-3, "{found:?}");
+        // t = 2.13145 for 16 flights.
+        assert!((found.lateness_u_s - 0.5 * 2.131_45 * 0.025 / 4.0).abs() < 0.1e-3, "{found:?}");
     }
 
     /// One flight known to 1 ms and seven to 20 ms, spread over 0.5 s: the certain one does not decide.
