@@ -90,11 +90,14 @@ fn gain_and_phase(model: &ModelCandidate, f: f64) -> (f64, f64) {
     (gain, phase)
 }
 
+/// With two digits of the expanded uncertainty.
 fn in_hertz(hz: Estimate) -> String {
-    match hz.standard_uncertainty.map(|u| 2.0 * u) {
+    match hz.standard_uncertainty.map(|u| 2.0 * u).filter(|expanded| *expanded > 0.0) {
         None => format!("{:.2} Hz", hz.value),
-        Some(expanded) if expanded < 0.1 => format!("{:.3} ± {expanded:.3} Hz", hz.value),
-        Some(expanded) => format!("{:.2} ± {expanded:.2} Hz", hz.value),
+        Some(expanded) => {
+            let decimals = (1.0 - expanded.log10().floor()).clamp(0.0, 6.0) as usize;
+            format!("{:.decimals$} ± {expanded:.decimals$} Hz", hz.value)
+        }
     }
 }
 
@@ -159,6 +162,12 @@ mod tests {
         let x = (2f64.sqrt() - 1.0).sqrt();
         assert!((bandwidth(&model(None, &[0.5, 0.5], 1.0)).unwrap() - x / (0.5 * TAU)).abs() < 1e-12);
         assert_eq!(bandwidth(&model(Some(0.4), &[], 1.0)), None);
+    }
+
+    #[test]
+    fn a_bandwidth_has_two_digits_of_its_uncertainty() {
+        let text = |u| in_hertz(Estimate { value: 1.0412, standard_uncertainty: Some(u) });
+        assert_eq!([text(0.105), text(0.0007)], ["1.04 ± 0.21 Hz", "1.0412 ± 0.0014 Hz"]);
     }
 
     /// By finite differences: each lag longer by its uncertainty.

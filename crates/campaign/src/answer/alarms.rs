@@ -101,12 +101,12 @@ impl Alarms {
         }
         let off_time = network.iter().flat_map(|n| &n.channels).filter(|channel| is_imu_off_time(channel));
         for channel in off_time {
-            let late = in_ms(&channel.lateness_s);
+            let (size, side) = sized(&channel.lateness_s);
             self.raise(
                 Alarm::ReferenceContradicted,
                 format!(
-                    "{} is {late} ms late against the reference, and an IMU is on time to some milliseconds: the clock of the \
-                     reference is off, or the IMU is late",
+                    "the IMU ({}) is {size} ms {side} against the reference, and an IMU is on time to some milliseconds: the \
+                     clock of the reference is off, or that of the IMU",
                     channel.channel
                 ),
             );
@@ -146,6 +146,12 @@ impl Alarms {
             self.raise(Alarm::DelayDoubtful, format!("{compared}: {text}"));
         }
     }
+}
+
+/// The size of a lateness with its uncertainty, ms, and its side.
+fn sized(lateness_s: &Estimate) -> (String, &'static str) {
+    let size = Estimate { value: lateness_s.value.abs(), ..*lateness_s };
+    (in_ms(&size), if lateness_s.value < 0.0 { "early" } else { "late" })
 }
 
 /// Whether accelerations are further from the reference in time than an IMU and its attitude can be.
@@ -228,13 +234,16 @@ pub(super) mod tests {
             let settings = NetworkSettings { reference, ..NetworkSettings::default() };
             let network = solve(&pairs, &lineage_from_name, &settings).unwrap();
             let alarms = of(&crate::answer::unknown("f"), Some(&network), None, None);
-            alarms.into_iter().filter(|alarm| alarm.code == Alarm::ReferenceContradicted).count()
+            let of_imu = |alarm: &DelayAlarm| alarm.code == Alarm::ReferenceContradicted;
+            alarms.into_iter().filter(of_imu).map(|alarm| alarm.text).collect::<Vec<_>>()
         };
-        for imu_late_s in [0.3, -0.3] {
-            assert_eq!(raised(ReferenceUse::Datum, imu_late_s), 1, "{imu_late_s}");
-            assert_eq!(raised(ReferenceUse::Judges, imu_late_s), 0, "{imu_late_s}");
+        for (imu_late_s, side) in [(0.3, " ms late against"), (-0.3, " ms early against")] {
+            let texts = raised(ReferenceUse::Datum, imu_late_s);
+            assert!(texts.len() == 1 && texts[0].starts_with("the IMU (acc[ins+imu]) is 300"), "{texts:?}");
+            assert!(texts[0].contains(side), "{texts:?}");
+            assert!(raised(ReferenceUse::Judges, imu_late_s).is_empty(), "{imu_late_s}");
         }
-        assert_eq!(raised(ReferenceUse::Datum, 0.02), 0);
+        assert!(raised(ReferenceUse::Datum, 0.02).is_empty());
     }
 
     #[test]

@@ -125,7 +125,8 @@ fn delay_of(
 struct Compared<'a> {
     /// Without spikes.
     second: Cow<'a, Horizontal>,
-    /// A fast velocity, a noisy track or a noisy acceleration, with its white noise averaged before it is integrated or interpolated.
+    /// A fast velocity, a noisy track or a noisy acceleration, with its white noise averaged before it is integrated or
+    /// interpolated.
     smoothed: Option<Horizontal>,
     /// Usual interval, s.
     step_s: Option<f64>,
