@@ -628,4 +628,4 @@ pub(crate) fn counted(n: usize, what: &str) -> String {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -332,12 +332,16 @@ fn relative_group(members: &[(&str, &FlightLateness)], empty: GroupLateness) -> 
         .filter(|(_, l)| matches!(l.datum, NetworkDatum::None | NetworkDatum::Refused))
         .filter_map(|(flight, l)| difference(flight, l))
         .collect();
-    let Some(pool) = delay_network::pool(&flights, 0.0) else { return empty };
+    let Some(all) = delay_network::pool(&flights, 0.0) else { return empty };
+    let (pool, outliers) = match without_outliers(&all, &flights) {
+        Some(others) => others,
+        None => (all, vec![]),
+    };
     let velocity = empty.against.strip_prefix("relative to ").unwrap_or(&empty.against);
     let mean_s = as_wide_as(&pool.mean_s, pool.half_width_95_s);
     let of_all = of_all(pool.flights, members);
-    let differ = pool.difference.is_some_and(|test| test.p < DIFFER_P);
-    let words = if differ {
+    let differ = surely_differ(&pool);
+    let mut words = if differ {
         let range = range(flights.iter().map(|flight| flight.lateness_s), LATER);
         format!(
             "no common delay: position {range} than {velocity} ({of_all}); the flights differ by more \
@@ -347,16 +351,38 @@ fn relative_group(members: &[(&str, &FlightLateness)], empty: GroupLateness) -> 
         let (apart, side) = apart(&Estimate { value: pool.mean_s.value, ..mean_s }, LATER);
         format!("position {apart} ms {side} than {velocity} ({of_all}); the lateness of both is unknown")
     };
+    if !outliers.is_empty() {
+        words += &self::differ(&outliers);
+    }
     GroupLateness {
-        pooled: u64::from(pool.flights),
+        pooled: u64::from(pool.flights) + outliers.len() as u64,
         // A mean of flights that differ describes none of them.
         lateness_s: Some(mean_s).filter(|_| !differ),
         interval_95_s: Some(pool.interval_95_s).filter(|_| !differ),
         between_s: pool.tau_s,
         difference: pool.difference,
         words,
+        outliers,
         ..empty
     }
+}
+
+/// Smallest number of flights that agree, so that the others are the odd ones.
+const LEAST_ALIKE: u32 = 3;
+
+fn surely_differ(pool: &DelayPool) -> bool {
+    pool.difference.is_some_and(|test| test.p < DIFFER_P)
+}
+
+/// The pool of the other flights, and the outliers, if flights differ only because of those.
+fn without_outliers(all: &DelayPool, flights: &[delay_network::FlightLateness]) -> Option<(DelayPool, Vec<String>)> {
+    let outliers: Vec<String> = all.members.iter().filter(|m| m.outlier).map(|m| m.flight.clone()).collect();
+    if outliers.is_empty() || !surely_differ(all) {
+        return None;
+    }
+    let others: Vec<_> = flights.iter().filter(|f| !outliers.contains(&f.flight)).cloned().collect();
+    let pool = delay_network::pool(&others, 0.0).filter(|pool| pool.flights >= LEAST_ALIKE && !surely_differ(pool))?;
+    Some((pool, outliers))
 }
 
 /// Difference between position and velocity of a flight, if known with an uncertainty.
@@ -434,6 +460,32 @@ mod tests {
         assert_eq!(of(DelaySource::Card, &removed(None, None)), [why]);
         let others = removed(Some(0.4), Some(DelaySource::OthersFlights));
         assert!(of(DelaySource::OthersFlights, &others).is_empty(), "the card was not asked for");
+    }
+
+    /// Former bug: one odd flight of eight gave "no common delay". With an IMU the same flight was named.
+    #[test]
+    fn one_odd_flight_of_a_group_without_a_datum_is_named_and_in_no_mean() {
+        let group = |odd_s: &[f64], alike: usize| {
+            let values = (0..alike).map(|k| 0.2 + 1e-3 * k as f64).chain(odd_s.iter().copied());
+            let flights: Vec<(String, FlightLateness)> = values
+                .enumerate()
+                .map(|(k, s)| (format!("f{k}"), crate::answer::tests::late(s, Some("velocity.gps"))))
+                .collect();
+            let members: Vec<(&str, &FlightLateness)> = flights.iter().map(|(name, l)| (name.as_str(), l)).collect();
+            let all = relative_group(&members, group_lateness(&members, &[]).remove(0));
+            (all.outliers, all.lateness_s.map(|e| e.value), all.words)
+        };
+        let (outliers, mean_s, words) = group(&[0.35], 7);
+        assert_eq!(outliers, ["f7"]);
+        assert!((mean_s.unwrap() - 0.203).abs() < 1e-9, "{words}");
+        assert!(
+            words.contains("(7 of 8 flights)") && words.contains("one flight differs from the others: f7"),
+            "{words}"
+        );
+        assert_eq!(group(&[], 7).0, Vec::<String>::new());
+        // Two against two: which are odd is unknown.
+        let (outliers, mean_s, words) = group(&[0.35, 0.351], 2);
+        assert!(outliers.is_empty() && mean_s.is_none() && words.contains("no common delay"), "{words}");
     }
 
     #[test]

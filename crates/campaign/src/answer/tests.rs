@@ -18,7 +18,7 @@ fn estimate(value: f64, u: f64) -> Estimate {
 }
 
 /// A position that is late by this, or later than a velocity.
-pub(super) fn late(value_s: f64, relative_to: Option<&str>) -> FlightLateness {
+pub(crate) fn late(value_s: f64, relative_to: Option<&str>) -> FlightLateness {
     let channel = ChannelLateness {
         channel: "position.gps".into(),
         lateness_s: estimate(value_s, 0.004),
