@@ -152,7 +152,8 @@ struct Measured {
     damaged: bool,
     minor_loss: bool,
     tail_cut: bool,
-    warnings: Vec<String>,
+    warnings: u64,
+    warning_texts: Vec<String>,
     has_reference: bool,
     kept: Option<Loaded>,
     filter_values: Option<EkfValues>,
@@ -269,7 +270,8 @@ impl Measured {
             damaged: false,
             minor_loss: false,
             tail_cut: false,
-            warnings: vec![],
+            warnings: 0,
+            warning_texts: vec![],
             has_reference: false,
             kept: None,
             filter_values: None,
@@ -349,7 +351,10 @@ impl Reader<'_> {
         measured.lateness.alarms.extend(losses::alarm(&loaded.flight.notices, &loaded.health));
         measured.lateness.alarms.extend(wrong_map(&loaded.flight.notices));
         measured.lateness.alarms.sort();
-        let warnings = warnings(&loaded.flight.notices, measured.notices, &measured.lateness.alarms);
+        let mut notices = loaded.flight.notices.clone();
+        notices.extend_unsaid(measured.notices);
+        let warnings = notices.count_of(Severity::Warning);
+        let warning_texts = warning_texts(&notices, &measured.lateness.alarms);
         let has_reference = loaded.flight.first_of(pipeline.reference()).is_some();
         let kept = (self.keep && has_reference).then_some(loaded);
         Measured {
@@ -358,6 +363,7 @@ impl Reader<'_> {
             minor_loss,
             tail_cut,
             warnings,
+            warning_texts,
             has_reference,
             kept,
             filter_values,
@@ -392,8 +398,8 @@ impl Reader<'_> {
             damaged: measured.damaged,
             minor_loss: measured.minor_loss,
             tail_cut: measured.tail_cut,
-            warnings: measured.warnings.len() as u64,
-            warning_texts: &measured.warnings,
+            warnings: measured.warnings,
+            warning_texts: &measured.warning_texts,
             replayed: decision.is_some_and(|d| measured.may_be_replayed(d)),
             duplicate_of: decided.duplicate_of.get(name.as_str()).copied(),
         })
@@ -424,17 +430,15 @@ impl Reader<'_> {
     }
 }
 
-/// The warnings about a log and its analysis that are not alarms, each once.
-fn warnings(of_log: &Notices, of_analysis: Notices, alarms: &[DelayAlarm]) -> Vec<String> {
-    let mut all = of_log.clone();
-    all.extend_unsaid(of_analysis);
+/// The warnings that no alarm says, each once.
+fn warning_texts(notices: &Notices, alarms: &[DelayAlarm]) -> Vec<String> {
     // A place that is empty or begins the text itself is not written before it.
     let words = |notice: &Notice| match notice.text.starts_with(&notice.place) {
         true => notice.text.clone(),
         false => format!("{}: {}", notice.place.trim_end_matches(", "), notice.text),
     };
     let is_alarm = |notice: &Notice| alarms.iter().any(|alarm| alarm.text.ends_with(&notice.text));
-    let of_warnings = all.iter().filter(|notice| notice.severity == Severity::Warning && !is_alarm(notice));
+    let of_warnings = notices.iter().filter(|notice| notice.severity == Severity::Warning && !is_alarm(notice));
     let mut texts: Vec<String> = vec![];
     for text in of_warnings.map(words) {
         if !texts.contains(&text) {

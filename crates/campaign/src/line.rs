@@ -60,7 +60,8 @@ pub struct DelayLine {
     pub data: String,
     /// Number of warnings about the log and its analysis, such as rows left out or a clock that was set.
     pub warnings: u64,
-    /// Their texts, each with its place; empty in a campaign, where the page of the flight lists them.
+    /// Their texts, each with its place and once, without those that an alarm already says; empty in a campaign, where
+    /// the page of the flight lists them.
     pub warning_texts: Vec<String>,
     /// The lateness as a sentence.
     pub words: String,

@@ -126,13 +126,13 @@ fn data(word: &str) -> String {
     }
 }
 
-/// The warnings that are not among the texts.
+/// The warnings that are not listed.
 fn unlisted(line: &DelayLine) -> String {
     match (line.warnings, line.warning_texts.len()) {
         (0, _) => String::new(),
-        (n, 0) => format!("{n}, listed on the page of the flight"),
-        (_, listed) if listed <= MOST_ALARMS => String::new(),
-        (n, _) => format!("{}, listed by --json", count(n.saturating_sub(MOST_ALARMS as u64), "more warning")),
+        (n, 0) => format!("{n}, among the alarms or on the page of the flight"),
+        (_, texts) if texts <= MOST_ALARMS => String::new(),
+        (_, texts) => format!("{}, listed by --json", count((texts - MOST_ALARMS) as u64, "more warning")),
     }
 }
 
@@ -426,7 +426,9 @@ mod tests {
         assert_eq!(rows(&one_flight(&more)), known);
         assert!(data("minor-loss").contains("less than 0.1 %"), "{}", data("minor-loss"));
         let in_campaign = DelayLine { warning_texts: vec![], ..more.clone() };
-        assert!(rows(&one_flight(&in_campaign)).contains(&("warnings", "2, listed on the page of the flight")));
+        assert!(
+            rows(&one_flight(&in_campaign)).contains(&("warnings", "2, among the alarms or on the page of the flight"))
+        );
         let own = DelayLine { removed_from: "own-network".to_owned(), ..more };
         assert_eq!(removed(&own), "200.0 ± 8.0 ms, from this flight");
     }

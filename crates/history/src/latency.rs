@@ -26,7 +26,8 @@ pub struct LatencyLine {
     pub flights: u64,
     /// Weighted mean, s.
     pub lateness_s: f64,
-    /// Its standard uncertainty, s, with Student's t for few flights. The part of the model error that all flights share is not averaged down.
+    /// Its standard uncertainty, s, with Student's t for few flights. The part of the model error that all flights share
+    /// is not averaged down.
     pub lateness_u_s: f64,
     /// That shared part, s: the smallest of any of these flights.
     pub lateness_common_u_s: f64,
