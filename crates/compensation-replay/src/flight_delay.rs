@@ -4,6 +4,7 @@
 //! The same holds for a velocity and the acceleration, and without the integral for two tracks. Only differences of
 //! delays are observable this way: δ = Tp − Tv and so on (design note 4). The estimator is [`signal::fit_delay`].
 
+mod attitude;
 mod bands;
 #[cfg(test)]
 mod body_bias;
@@ -98,7 +99,7 @@ impl Default for FlightDelaySettings {
 #[must_use]
 pub fn measure_delays(flight: &Flight, settings: &FlightDelaySettings) -> (FlightDelays, Notices) {
     let mut notices = Notices::new();
-    let pairs = pairs::pairs_of(flight, settings);
+    let pairs = pairs::pairs_of(flight, settings, &mut notices);
     // Pairs are independent, so idle threads of the caller's pool help with them.
     let measured: Vec<_> = pairs
         .par_iter()

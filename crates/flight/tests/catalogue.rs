@@ -273,6 +273,11 @@ const FIRED: &[(Code, &str, &str)] = &[
         "more_samples_are_used_if_the_first_look_is_too_uncertain",
     ),
     (
+        Code::AttitudeShift,
+        "crates/compensation-replay/tests/it/flight_delay.rs",
+        "attitude_and_accelerometer_are_shifted_to_the_same_time",
+    ),
+    (
         Code::FlightDelayChanges,
         "crates/campaign/src/delay/tests.rs",
         "a_measured_delay_that_changes_in_its_flight_gives_a_warning",

@@ -82,7 +82,7 @@ pub(crate) fn prepare(flight: &Flight, pair: &Pair, most: Most, notices: &mut No
         origin: DelayOrigin { origin_ns: origin.0, clock: first.series.timeline().clock() },
         first: first_local,
         second: second_local,
-        integrate: matches!(pair.second, Second::Velocity(_) | Second::Acceleration { .. }),
+        integrate: matches!(pair.second, Second::Velocity(_) | Second::Acceleration(_)),
         body,
         speed,
         one_in,
@@ -119,9 +119,10 @@ fn second_of(
             (located((second, name), second.updates(), axes, out, notices), None)
         }
         Second::Velocity(_) => (in_frame_axes(second, channel_of(flight, &pair.first)?, axes, averaged(notices)), None),
-        Second::Acceleration { attitude, .. } => {
+        Second::Acceleration(of) => {
             let out = Averaged::new((second, name), most, "the delay", notices);
-            let (force, body) = rotated(second, channel_of(flight, attitude)?, axes.origin, out);
+            let attitude = (channel_of(flight, &of.attitude)?, of.attitude_late_s);
+            let (force, body) = rotated(second, attitude, axes.origin, out);
             (force, Some(body))
         }
     })
@@ -228,11 +229,21 @@ fn in_frame_axes(velocity: &Channel, position: &Channel, axes: &Axes<'_>, mut ou
     out.horizontal()
 }
 
-/// Specific force in north and east, which gravity does not affect. Attitude is interpolated between its samples;
-/// without attitude there is no acceleration.
-fn rotated(force: &Channel, attitude: &Channel, origin: Stamp, mut out: Averaged<8>) -> (Horizontal, BodyAxes) {
-    let turns = attitude.series.timeline().stamps();
-    let stamps = force.series.timeline().stamps();
+/// Specific force in north and east, which gravity does not affect. Attitude is interpolated between its samples; without
+/// attitude there is no acceleration. If the attitude is later than the gyro (`late_s`), it is shifted; if it is earlier,
+/// the force is late and shifted.
+fn rotated(
+    force: &Channel,
+    (attitude, late_s): (&Channel, f64),
+    origin: Stamp,
+    mut out: Averaged<8>,
+) -> (Horizontal, BodyAxes) {
+    let shifted = |channel: &Channel, late_s: f64| -> Vec<Stamp> {
+        let late_ns = (1e9 * late_s).round() as i64;
+        channel.series.timeline().stamps().iter().map(|t| Stamp(t.0 - late_ns)).collect()
+    };
+    let turns = shifted(attitude, late_s.max(0.0));
+    let stamps = shifted(force, (-late_s).max(0.0));
     let mut known = attitude.updates().peekable();
     let mut before = None;
     for row in force.updates() {
@@ -252,9 +263,9 @@ fn rotated(force: &Channel, attitude: &Channel, origin: Stamp, mut out: Averaged
     (Horizontal { t, axes: [north, east] }, [[a, b], [c, d], [e, f]])
 }
 
-type Quaternion = [f64; 4];
+pub(crate) type Quaternion = [f64; 4];
 
-fn quaternion(channel: &Channel, row: usize) -> Quaternion {
+pub(crate) fn quaternion(channel: &Channel, row: usize) -> Quaternion {
     [0, 1, 2, 3].map(|k| channel.series.component(k)[row])
 }
 
@@ -281,7 +292,7 @@ fn speed_of(pair: &Pair, first: &Horizontal, second: &Horizontal) -> (Vec<f64>, 
     let of = |v: &Horizontal| (v.t.clone(), v.axes[0].iter().zip(&v.axes[1]).map(|(n, e)| n.hypot(*e)).collect());
     match &pair.second {
         Second::Velocity(_) | Second::Rate(_) => of(second),
-        Second::Acceleration { .. } => of(first),
+        Second::Acceleration(_) => of(first),
         Second::Position(_) => steps(second),
     }
 }

@@ -237,7 +237,7 @@ impl<'a> Known<'a> {
 
     /// The motion, if it can show a delay at all.
     fn motion(&self, cut: &[Piece], delay_s: f64, offer: &DelayExcitation) -> Result<Motion, String> {
-        let acceleration = matches!(self.pair.second, Second::Acceleration { .. } | Second::Rate(_));
+        let acceleration = matches!(self.pair.second, Second::Acceleration(_) | Second::Rate(_));
         let motion = gate::motion(&self.prepared.first, cut, self.stretches, delay_s, acceleration);
         let noise = self.compared.noise(self.prepared);
         gate::refuse_motion(offer, &motion, noise, &self.prepared.speed.1).map_or(Ok(motion), Err)

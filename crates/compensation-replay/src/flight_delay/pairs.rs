@@ -1,20 +1,30 @@
 //! Pairs of comparable channels of a flight, and the meaning of their delay.
 
-use super::FlightDelaySettings;
-use flight::{Flight, Quantity};
+use super::{FlightDelaySettings, attitude};
+use flight::{Flight, Notices, Quantity};
+use rayon::prelude::*;
 use record::DelayPairKind;
 
 /// How the second channel serves as a reference.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Second {
     /// Integrated velocity.
     Velocity(String),
     /// Integral of the specific force rotated by the attitude.
-    Acceleration { attitude: String, specific_force: String },
+    Acceleration(Rotated),
     /// A track, interpolated.
     Position(String),
     /// A velocity, as it is.
     Rate(String),
+}
+
+/// A specific force and what rotates it.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Rotated {
+    pub(crate) attitude: String,
+    pub(crate) specific_force: String,
+    /// How much later the attitude is than the gyro of the device, s.
+    pub(crate) attitude_late_s: f64,
 }
 
 impl Second {
@@ -22,7 +32,7 @@ impl Second {
     pub(crate) fn name(&self) -> String {
         match self {
             Second::Velocity(name) | Second::Position(name) | Second::Rate(name) => name.clone(),
-            Second::Acceleration { attitude, specific_force } => format!("{attitude} + {specific_force}"),
+            Second::Acceleration(of) => format!("{} + {}", of.attitude, of.specific_force),
         }
     }
 
@@ -30,13 +40,13 @@ impl Second {
     pub(crate) fn channels(&self) -> Vec<&str> {
         match self {
             Second::Velocity(name) | Second::Position(name) | Second::Rate(name) => vec![name],
-            Second::Acceleration { attitude, specific_force } => vec![specific_force, attitude],
+            Second::Acceleration(of) => vec![&of.specific_force, &of.attitude],
         }
     }
 }
 
 /// One comparison.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Pair {
     pub(crate) kind: DelayPairKind,
     /// The measured channel.
@@ -86,13 +96,12 @@ struct Channels<'a> {
     reference_positions: Vec<&'a str>,
     velocities: Vec<&'a str>,
     reference_velocities: Vec<&'a str>,
-    /// Attitude and specific force.
-    accelerations: Vec<(&'a str, &'a str)>,
+    accelerations: Vec<Rotated>,
 }
 
 /// All comparisons that the channels of the flight allow, in the order of the findings.
-pub(crate) fn pairs_of(flight: &Flight, settings: &FlightDelaySettings) -> Vec<Pair> {
-    let channels = Channels::of(flight, settings);
+pub(crate) fn pairs_of(flight: &Flight, settings: &FlightDelaySettings, notices: &mut Notices) -> Vec<Pair> {
+    let channels = Channels::of(flight, settings, notices);
     let mut pairs = [
         channels.pairs_of_positions(),
         channels.pairs_of_velocities(),
@@ -111,9 +120,9 @@ fn names_of<'a>(flight: &'a Flight, wanted: &[Quantity]) -> Vec<&'a str> {
 /// Maximum number of attitudes tried with one specific force.
 const MOST_ATTITUDES: usize = 4;
 
-fn accelerations(flight: &Flight) -> Vec<(&str, &str)> {
+fn accelerations(flight: &Flight, notices: &mut Notices) -> Vec<Rotated> {
     let attitudes = names_of(flight, &[Quantity::Attitude]);
-    names_of(flight, &[Quantity::SpecificForce])
+    let rotated: Vec<(&str, &str)> = names_of(flight, &[Quantity::SpecificForce])
         .into_iter()
         .flat_map(|force| {
             // Attitudes of the same device come first; the delays show which one serves best.
@@ -121,7 +130,16 @@ fn accelerations(flight: &Flight) -> Vec<(&str, &str)> {
             usable.sort_by_key(|a| source(a) != source(force));
             usable.into_iter().take(MOST_ATTITUDES).map(move |attitude| (attitude, force))
         })
-        .collect()
+        .collect();
+    let with_lateness = |(attitude, force): &(&str, &str)| {
+        let mut own = Notices::new();
+        let attitude_late_s = attitude::lateness_s(flight, attitude, force, &mut own);
+        (Rotated { attitude: (*attitude).to_owned(), specific_force: (*force).to_owned(), attitude_late_s }, own)
+    };
+    let found: Vec<(Rotated, Notices)> = rotated.par_iter().map(with_lateness).collect();
+    let (rotated, own): (Vec<_>, Vec<_>) = found.into_iter().unzip();
+    own.into_iter().for_each(|own| notices.extend_unsaid(own));
+    rotated
 }
 
 fn same_clock(flight: &Flight, a: &str, b: &str) -> bool {
@@ -134,13 +152,13 @@ fn pair(kind: DelayPairKind, first: &str, second: Second) -> Pair {
 }
 
 impl<'a> Channels<'a> {
-    fn of(flight: &'a Flight, settings: &FlightDelaySettings) -> Channels<'a> {
+    fn of(flight: &'a Flight, settings: &FlightDelaySettings, notices: &mut Notices) -> Channels<'a> {
         let is_reference = |name: &&str| settings.references.iter().any(|r| r == source(name));
         let positions = names_of(flight, &[Quantity::PositionGeodetic, Quantity::PositionNed]);
         let (reference_positions, positions) = positions.into_iter().partition(is_reference);
         let velocities = names_of(flight, &[Quantity::VelocityNed]);
-        let (reference_velocities, velocities) = velocities.into_iter().partition(is_reference);
-        let accelerations = accelerations(flight);
+        let (reference_velocities, velocities): (_, Vec<&str>) = velocities.into_iter().partition(is_reference);
+        let accelerations = if velocities.is_empty() { vec![] } else { accelerations(flight, notices) };
         Channels { positions, reference_positions, velocities, reference_velocities, accelerations }
     }
 
@@ -183,13 +201,12 @@ impl<'a> Channels<'a> {
         // A filter's velocity is made from this IMU and carries little information on it: one attitude is enough.
         let mut forces: Vec<&str> = vec![];
         let mut out = vec![];
-        for (attitude, force) in &self.accelerations {
-            if !is_receiver(velocity) && forces.contains(force) {
+        for of in &self.accelerations {
+            if !is_receiver(velocity) && forces.contains(&of.specific_force.as_str()) {
                 continue;
             }
-            forces.push(force);
-            let second = Second::Acceleration { attitude: (*attitude).to_owned(), specific_force: (*force).to_owned() };
-            out.push(pair(DelayPairKind::VelocityAgainstAcceleration, velocity, second));
+            forces.push(&of.specific_force);
+            out.push(pair(DelayPairKind::VelocityAgainstAcceleration, velocity, Second::Acceleration(of.clone())));
         }
         out
     }

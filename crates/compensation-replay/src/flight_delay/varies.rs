@@ -29,7 +29,7 @@ pub(crate) fn over_time(
     let velocity = match &pair.second {
         Second::Velocity(_) => Cow::Borrowed(second),
         Second::Position(_) => Cow::Owned(velocity_of(second)?),
-        Second::Acceleration { .. } | Second::Rate(_) => return None,
+        Second::Acceleration(_) | Second::Rate(_) => return None,
     };
     let first = &prepared.first;
     let part = longest_part(&first.t, &velocity.t);

@@ -720,6 +720,41 @@ fn noise_of_an_accelerometer_does_not_move_the_delay_of_a_velocity() {
     }
 }
 
+/// The attitude is late, or early because gyro and accelerometer are late. The velocity is late by 0.12 s in both cases.
+#[test]
+fn attitude_and_accelerometer_are_shifted_to_the_same_time() {
+    let measured = |attitude_late: f64, with_gyro: bool| {
+        let mut flight = banked(0.12, [0.0; 3], &weaving);
+        let seconds = (0..4000).map(|k| 0.007 + 0.02 * f64::from(k));
+        let (bank_sin, bank_cos) = 0.6_f64.sin_cos();
+        let gyro: Vec<(f64, [f64; 3])> = seconds
+            .map(|t| (t, weaving(t).1))
+            .map(|(t, turn)| (t, [0.01, bank_sin * turn - 0.02, bank_cos * turn]))
+            .collect();
+        let late = |t: f64| weaving(t - attitude_late);
+        let attitude = banked(0.12, [0.0; 3], &late).channels.remove("attitude.imu").unwrap();
+        flight.channels.insert("attitude.imu".into(), attitude);
+        if with_gyro {
+            flight.channels.insert("angular-rate.imu".into(), channel(Quantity::AngularRate, &gyro));
+        }
+        let (delays, notices) = compensation_replay::measure_delays(&flight, &quick());
+        let shifted = notices.iter().find(|n| n.code == "attitude-shift").map(|n| n.text.clone());
+        (found(&delays.pairs[0]).delay_s.value, shifted)
+    };
+    assert!((measured(0.1, false).0 - 0.12).abs() > 0.04, "the attitude does not matter here");
+    for late in [0.1, -0.06, 0.007] {
+        let (delay_s, shifted) = measured(late, true);
+        // An IMU that is 60 ms late sees the velocity 60 ms less late than it is.
+        let truth_s = 0.12 + (-late).max(0.0);
+        assert!((delay_s - truth_s).abs() < 1e-3, "{late}: {delay_s}");
+        let side = if late > 0.0 { "late" } else { "early" };
+        let size = format!("{:.1} ± 0.0 ms {side} against angular-rate.imu", 1e3 * late.abs());
+        assert!(shifted.as_ref().is_some_and(|text| text.starts_with(&size)), "{late}: {shifted:?}");
+    }
+    let (delay_s, shifted) = measured(0.0, true);
+    assert!((delay_s - 0.12).abs() < 1e-3 && shifted.is_none(), "{delay_s} {shifted:?}");
+}
+
 /// In a steady circle a delay rotates the acceleration by a fixed angle, like forward and right biases do.
 #[test]
 fn a_steady_circle_cannot_separate_a_delay_from_a_bias() {

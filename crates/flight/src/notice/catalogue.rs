@@ -280,6 +280,12 @@ catalogue! {
                  contradict each other, rest, parts that are too short. If there are very many samples, only every \
                  n-th is used, or neighbours are averaged.",
                 "Look at the marked samples on the page of the flight.";
+            AttitudeShift, "attitude-shift", [Warning, Info],
+                "The attitude is later or earlier than the gyro of the IMU. If it is later, it was shifted before it \
+                 rotates the accelerometer to north and east. If it is earlier, the IMU is late, as behind a filter, and \
+                 the accelerometer was shifted. It is info below 20 ms.",
+                "Nothing for the delay of the position. If you use the attitude or the IMU itself, correct its timestamps by \
+                 the stated amount. If an attitude is early by more than 20 ms, check its timestamps.";
             FlightDelayChanges, "flight-delay-changes", [Warning],
                 "The delay measured in this flight, or in a record of the bench, changes. `bench` ends with exit code 3.",
                 "Look at the curve of the delay over time before you remove a constant delay.";
@@ -419,8 +425,9 @@ catalogue! {
             "The reference file was not used. The text gives the reason. The exit code is 3.",
             "Correct what the text names: day, clock or columns of the reference file.";
         ReferenceContradicted, "reference-contradicted", Amber,
-            "The accelerations of the IMU are early or late by more than 50 ms against the reference. An IMU is on time to some \
-             milliseconds, so the clock of the reference is off, or the IMU is late.",
+            "A velocity or the IMU is early by more than 20 ms against the reference, or the IMU is late by more than 50 ms. \
+             Nothing is measured before it happens, and an IMU is on time to some milliseconds, so the clock of the reference is \
+             off, or the IMU is late. The reference does not judge the removal.",
             "Check the clock of the reference. Let it be measured: leave out `--reference-clock same`.";
         CardNotUsed, "card-not-used", Amber,
             "The delay of the sensor card was asked for and does not apply to this flight, so nothing was removed. The text gives the \
