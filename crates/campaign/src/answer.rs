@@ -57,7 +57,8 @@ pub(crate) fn measure(
         Ok([position, velocity]) => (Some(position.0), Some(velocity.0)),
         Err(_) => (flight.first_of(positions).map(|p| p.0), None),
     };
-    let network = network_of(&delays, velocity, reference.as_ref(), pipeline.log_reference_is_on_time());
+    let (network, contradiction) =
+        network_of(&delays, velocity, reference.as_ref(), pipeline.log_reference_is_on_time());
     let reference_file = reference.map(|reference| settled(reference, network.as_ref()));
     let grouped = position.and_then(|position| grouped(position, flight, health, binding));
     let (group, content) = grouped.unwrap_or_default();
@@ -69,6 +70,7 @@ pub(crate) fn measure(
         card: pipeline.card_delay(flight, binding),
         reference_file,
         speed_rms_mps: speed_rms(picked.as_ref().ok().map(|p| p[1].1)),
+        acceleration_rms_mps2: acceleration_rms(picked.as_ref().ok().map(|p| p[1].1)),
         ..unknown(key)
     };
     let mut lateness = match picked {
@@ -87,6 +89,7 @@ pub(crate) fn measure(
         }
         Err(refusal) => FlightLateness { words: refusal.to_string(), ..base },
     };
+    lateness.alarms.extend(contradiction.map(|text| DelayAlarm::of(Alarm::ReferenceContradicted, text)));
     lateness.alarms.extend(lateness.reference_file.as_ref().and_then(unused_reference));
     if pipeline.log_reference_is_on_time() && flight.first_of(pipeline.reference()).is_none() {
         let names = pipeline.reference().join(", ");
@@ -176,6 +179,7 @@ pub(crate) fn unknown(key: &str) -> FlightLateness {
         card: None,
         reference_file: None,
         speed_rms_mps: None,
+        acceleration_rms_mps2: None,
         jitter_s: None,
         lever_arm_s_per_decimetre: None,
         other_receivers: vec![],
@@ -186,15 +190,16 @@ pub(crate) fn unknown(key: &str) -> FlightLateness {
 }
 
 /// One lateness per channel from the measured pairs. A reference file on the log's clock is on time; one with its own
-/// clock has a lateness like any channel. A reference in the log is on time only if the pipeline says so.
+/// clock has a lateness like any channel. A reference in the log is on time only if the pipeline says so. A reference
+/// that channels contradict is not on time; the text says so.
 fn network_of(
     delays: &FlightDelays,
     velocity: Option<&str>,
     reference: Option<&ReferenceFile>,
     log_reference_is_on_time: bool,
-) -> Option<DelayNetwork> {
+) -> (Option<DelayNetwork>, Option<String>) {
     let pairs: Vec<PairObservation> = delays.pairs.iter().map(observation).collect();
-    let settings = NetworkSettings {
+    let mut settings = NetworkSettings {
         compensation_velocity: velocity.map(str::to_owned),
         reference: match reference.map(|r| &r.clock) {
             Some(ReferenceClock::Same) => ReferenceUse::Datum,
@@ -204,7 +209,38 @@ fn network_of(
         },
         ..NetworkSettings::default()
     };
-    solve(&pairs, &lineage_from_name, &settings).map(covering_its_intervals)
+    let solved = |settings: &NetworkSettings| solve(&pairs, &lineage_from_name, settings).map(covering_its_intervals);
+    let network = solved(&settings);
+    match network.as_ref().and_then(contradicts_reference) {
+        Some(text) => {
+            settings.reference = ReferenceUse::OwnClock;
+            (solved(&settings), Some(text))
+        }
+        None => (network, None),
+    }
+}
+
+/// A velocity or an IMU that is earlier than the reference by more than this contradicts it, s.
+const EARLY_S: f64 = 0.02;
+
+/// The velocities and the IMU that are earlier than a reference that counts as on time. No sensor measures a motion
+/// before it happens; a position may be predicted.
+fn contradicts_reference(network: &DelayNetwork) -> Option<String> {
+    let measures = |c: &&ChannelLateness| !c.derived && !c.channel.starts_with("position");
+    let is_early = |c: &&ChannelLateness| c.datum == NetworkDatum::Reference && c.interval_95_s[1] < -EARLY_S;
+    let early = network.channels.iter().filter(measures).filter(is_early);
+    let words: Vec<String> = early
+        .map(|c| {
+            let early = Estimate { value: -c.lateness_s.value, ..c.lateness_s };
+            format!("{} would be {} ms", c.channel, crate::delay::in_ms(&early))
+        })
+        .collect();
+    let first = words.first()?;
+    let more = if words.len() > 1 { format!(" ({} more)", words.len() - 1) } else { String::new() };
+    Some(format!(
+        "{first}{more} earlier than the reference, and nothing is measured before it happens: the clock of the reference, or \
+         of the log, is off. The reference is not used as the zero, and does not judge the removal"
+    ))
 }
 
 /// With uncertainties as large as the intervals say. Where pairs disagree and none can be blamed, an interval covers the
@@ -616,6 +652,29 @@ fn speed_rms(velocity: Option<&flight::Channel>) -> Option<f64> {
     let square = |row: &usize| channel.series.component(0)[*row].powi(2) + channel.series.component(1)[*row].powi(2);
     let sum: f64 = rows.iter().map(square).sum();
     (!rows.is_empty()).then(|| (sum / rows.len() as f64).sqrt()).filter(|v| v.is_finite())
+}
+
+/// From changes over a second, in which noise of the velocity is small.
+fn acceleration_rms(velocity: Option<&flight::Channel>) -> Option<f64> {
+    const BASE_S: f64 = 1.0;
+    let channel = velocity?;
+    let stamps = channel.series.timeline().stamps();
+    let rows = channel.update_rows();
+    let mut before = 0;
+    let mut squares = vec![];
+    for &now in &rows {
+        while before + 1 < rows.len() && stamps[now].seconds_since(stamps[rows[before + 1]]) >= BASE_S {
+            before += 1;
+        }
+        let base_s = stamps[now].seconds_since(stamps[rows[before]]);
+        // Over a gap the change is not an acceleration.
+        if (BASE_S..=2.0 * BASE_S).contains(&base_s) {
+            let change = |k: usize| channel.series.component(k)[now] - channel.series.component(k)[rows[before]];
+            squares.push((change(0).hypot(change(1)) / base_s).powi(2));
+        }
+    }
+    let mean = squares.iter().sum::<f64>() / squares.len() as f64;
+    Some(mean.sqrt()).filter(|a| a.is_finite())
 }
 
 /// `1 flight`, `2 flights`, `3 fixes`.

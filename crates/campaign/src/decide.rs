@@ -6,7 +6,7 @@
 use crate::config::Pipeline;
 use crate::delay::in_ms;
 use crate::manifest::Planned;
-use delay_network::{FlightSources, NetworkSettings, PositionLateness, RelativeLateness};
+use delay_network::{FlightSources, GroupDecision, NetworkSettings, PositionLateness, RelativeLateness};
 use flight::Code;
 use record::{
     Decision, DelayAdvice, DelayPool, DelaySource, Estimate, Finding, FlightContent, FlightLateness, FlightRow,
@@ -71,7 +71,7 @@ fn decide_group<'a>(members: &[(&'a str, &'a FlightLateness)], pipeline: &Pipeli
     for ((flight, lateness), removed) in members.iter().zip(&decision.removed) {
         out.decisions.insert(flight, decision_of(pipeline.asked(), removed, lateness));
     }
-    out.groups.extend(group_lateness(members, &decision.pools));
+    out.groups.extend(group_lateness(members, &decision));
 }
 
 fn sources_of(flight: &str, lateness: &FlightLateness, pipeline: &Pipeline) -> FlightSources {
@@ -114,7 +114,8 @@ fn decision_of(asked: DelaySource, removed: &RemovedDelay, lateness: &FlightLate
         contradicted: removed.contradicted.clone(),
     };
     if decision.used == Some(DelaySource::Card) && decision.contradicted.is_none() {
-        decision.contradicted = doubt_of_card(lateness);
+        decision.contradicted =
+            doubt_of_card(lateness).or_else(|| crate::known_lateness::contradiction_of_card(lateness, &decision));
     }
     if let (None, Some(Finding::CannotTell(why))) = (decision.used, &lateness.card) {
         decision.words = why.clone();
@@ -167,7 +168,7 @@ fn rounded_up(u: f64) -> f64 {
     [1.0, 2.0, 5.0, 10.0].into_iter().map(scaled).find(|step| *step >= u * (1.0 - 1e-12)).unwrap_or(u)
 }
 
-fn group_lateness(members: &[(&str, &FlightLateness)], pools: &[DelayPool]) -> Vec<GroupLateness> {
+fn group_lateness(members: &[(&str, &FlightLateness)], decision: &GroupDecision) -> Vec<GroupLateness> {
     let Some((_, first)) = members.first() else { return vec![] };
     let empty = GroupLateness {
         group: first.group.clone(),
@@ -185,12 +186,47 @@ fn group_lateness(members: &[(&str, &FlightLateness)], pools: &[DelayPool]) -> V
         difference: None,
         consistency: None,
     };
-    if pools.is_empty() {
+    if decision.pools.is_empty() {
         return relative_groups(members, &empty);
     }
     // The first pool is over all flights; further ones are the parts of a split group.
     let of = |(k, pool): (usize, &DelayPool)| pooled(members, pool, empty.clone(), k > 0);
-    pools.iter().enumerate().map(of).collect()
+    let mut groups: Vec<GroupLateness> = decision.pools.iter().enumerate().map(of).collect();
+    if let Some(whole) = groups.first_mut() {
+        name_unlike(whole, &decision.unlike);
+    }
+    groups
+}
+
+/// Names the flights that show only a difference between position and velocity, and not that of the others. If they are
+/// the majority, the mean is not that of the group.
+fn name_unlike(group: &mut GroupLateness, unlike: &[String]) {
+    let alike = group.pooled.saturating_sub(group.outliers.len() as u64);
+    if unlike.is_empty() || group.lateness_s.is_none() {
+        return;
+    }
+    group.words += &format!(
+        "; {} without a lateness of {} {} in position - velocity: {}",
+        crate::answer::counted(unlike.len(), "flight"),
+        if unlike.len() == 1 { "its own" } else { "their own" },
+        if unlike.len() == 1 { "differs" } else { "differ" },
+        first_of(unlike)
+    );
+    group.outliers.extend_from_slice(unlike);
+    if unlike.len() as u64 > alike {
+        group.advice = DelayAdvice::default();
+        group.words += ". Do not use one delay for all flights of this group";
+    }
+}
+
+/// The first names, and how many more there are.
+fn first_of(names: &[String]) -> String {
+    const MOST: usize = 5;
+    let shown = names.iter().take(MOST).cloned().collect::<Vec<_>>().join(", ");
+    match names.len().checked_sub(MOST) {
+        Some(more @ 1..) => format!("{shown} and {more} more"),
+        _ => shown,
+    }
 }
 
 fn pooled(members: &[(&str, &FlightLateness)], pool: &DelayPool, empty: GroupLateness, is_part: bool) -> GroupLateness {
@@ -417,6 +453,7 @@ mod tests {
                 file: "m.card.toml".into(),
                 blake3: String::new(),
                 sensor: SensorIdentity::default(),
+                velocity_delay_s: None,
                 channel: "position.gps".into(),
                 delay_s,
             };
@@ -472,7 +509,7 @@ mod tests {
                 .map(|(k, s)| (format!("f{k}"), crate::answer::tests::late(s, Some("velocity.gps"))))
                 .collect();
             let members: Vec<(&str, &FlightLateness)> = flights.iter().map(|(name, l)| (name.as_str(), l)).collect();
-            let all = relative_group(&members, group_lateness(&members, &[]).remove(0));
+            let all = relative_group(&members, group_lateness(&members, &GroupDecision::default()).remove(0));
             (all.outliers, all.lateness_s.map(|e| e.value), all.words)
         };
         let (outliers, mean_s, words) = group(&[0.35], 7);
@@ -486,6 +523,35 @@ mod tests {
         // Two against two: which are odd is unknown.
         let (outliers, mean_s, words) = group(&[0.35, 0.351], 2);
         assert!(outliers.is_empty() && mean_s.is_none() && words.contains("no common delay"), "{words}");
+    }
+
+    /// Former bug: "120 ms late, 5 of 16 flights, set position_s = 0.12" for a group in which nine others showed 400 ms
+    /// between position and velocity.
+    #[test]
+    fn flights_without_an_own_lateness_that_differ_are_named_and_a_majority_gives_no_setting() {
+        let of = |others: usize| {
+            let own = |k: usize| {
+                let found = crate::answer::tests::late(0.12 + 1e-3 * k as f64, None);
+                let apart = Estimate { value: 0.12 + 1e-3 * k as f64, standard_uncertainty: Some(0.003) };
+                (format!("a{k}"), FlightLateness { position_minus_velocity_s: Some(apart), ..found })
+            };
+            let other = |k: usize| {
+                let apart = Estimate { value: 0.4, standard_uncertainty: Some(0.003) };
+                let found = crate::answer::tests::late(0.4, Some("velocity.gps"));
+                (format!("c{k}"), FlightLateness { position_minus_velocity_s: Some(apart), ..found })
+            };
+            let flights: Vec<(String, FlightLateness)> = (0..5).map(own).chain((0..others).map(other)).collect();
+            let members: Vec<(&str, &FlightLateness)> = flights.iter().map(|(name, l)| (name.as_str(), l)).collect();
+            over(&members, &Pipeline::parse("schema = 1\n", std::path::Path::new("p.toml")).unwrap()).groups.remove(0)
+        };
+        let few = of(2);
+        assert_eq!(few.outliers, ["c0", "c1"]);
+        assert!(
+            few.words.contains("; 2 flights without a lateness of their own differ in position - velocity: c0, c1")
+        );
+        let many = of(6);
+        assert!(many.words.ends_with("Do not use one delay for all flights of this group"), "{}", many.words);
+        assert!(many.words.contains("c4 and 1 more"), "{}", many.words);
     }
 
     #[test]

@@ -423,10 +423,10 @@ impl Reader<'_> {
         let settings = self.order.pipeline.provisional();
         let truth = |flight| TruthEffect::of(flight, &settings, decision.delay_s.unwrap_or(0.0)).ok().flatten();
         let truth = flight.and_then(|flight| caught(|| truth(flight)).ok().flatten());
-        let truth = truth.map(|truth| crate::known_lateness::on_condition(truth, &measured.lateness));
+        let truth = truth.and_then(|truth| crate::known_lateness::judging(truth, &measured.lateness));
         let known = crate::known_lateness::known(&measured.lateness, decision);
         let removed_s = decision.delay_s.filter(|_| measured.may_be_replayed(decision));
-        Some(effect(truth.as_ref(), known.as_ref(), measured.lateness.speed_rms_mps, removed_s))
+        Some(effect(truth.as_ref(), known.as_ref(), crate::known_lateness::motion(&measured.lateness), removed_s))
     }
 }
 

@@ -179,11 +179,11 @@ impl Replaying {
         let (lateness, decision) = (case.lateness, case.decision);
         let truth = TruthEffect::of(case.flight, &self.pipeline.provisional(), removed_s.unwrap_or(0.0)).ok().flatten();
         lateness.velocity.as_ref()?;
-        let truth = truth.map(|truth| crate::known_lateness::on_condition(truth, lateness));
+        let truth = truth.and_then(|truth| crate::known_lateness::judging(truth, lateness));
         Some(effect(
             truth.as_ref(),
             crate::known_lateness::known(lateness, decision).as_ref(),
-            lateness.speed_rms_mps,
+            crate::known_lateness::motion(lateness),
             removed_s,
         ))
     }

@@ -2,8 +2,11 @@
 //!
 //! With a reference the errors before and after are compared row by row. Without one the lateness decides. Removing
 //! `Td` from a position that is late by `T` leaves `T − Td`, so `|T − Td| < |T|` exactly if `T > Td/2` (for `Td > 0`).
-//! The error in metres is that lateness times the rms ground speed. Both evaluate the position at its own timestamps:
-//! the age of a held fix is not included.
+//! The error in metres is that lateness times the rms ground speed. What a late velocity adds, a·Td·Tv, remains. Both
+//! evaluate the position at its own timestamps: the age of a held fix is not included.
+//!
+//! A lateness known only against a velocity is the least that it can be, because no velocity is early. What harms is then
+//! stated with the lateness of the velocity that would make it right.
 
 use crate::sweep::TruthEffect;
 use record::{Effect, EffectVerdict, Estimate, JudgedBy};
@@ -26,6 +29,17 @@ pub struct KnownLateness {
     pub judged_by: JudgedBy,
     /// Scatter of the lateness from fix to fix, standard deviation, s: it remains after removing one delay.
     pub jitter_s: f64,
+    /// Lateness of the velocity that compensates, if known.
+    pub velocity_late_s: Option<Estimate>,
+}
+
+/// Motion of a flight, rms.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct MotionRms {
+    /// Ground speed, m/s.
+    pub speed_mps: f64,
+    /// Horizontal acceleration, m/s².
+    pub acceleration_mps2: f64,
 }
 
 /// The effect of removing `removed_s` (`None`: nothing was removed).
@@ -33,12 +47,12 @@ pub struct KnownLateness {
 pub fn effect(
     truth: Option<&TruthEffect>,
     known: Option<&KnownLateness>,
-    speed_rms_mps: Option<f64>,
+    motion: MotionRms,
     removed_s: Option<f64>,
 ) -> Effect {
     match (truth, known) {
         (Some(truth), _) => by_truth(truth, removed_s),
-        (None, Some(known)) => by_lateness(known, speed_rms_mps.unwrap_or(0.0), removed_s),
+        (None, Some(known)) => by_lateness(known, motion, removed_s),
         (None, None) => Effect {
             verdict: if removed_s.is_some() { EffectVerdict::CannotTell } else { EffectVerdict::NoChange },
             judged_by: JudgedBy::Nothing,
@@ -83,31 +97,40 @@ fn verdict_of(change: f64, u: f64, least: f64) -> EffectVerdict {
     }
 }
 
-fn by_lateness(known: &KnownLateness, speed_mps: f64, removed_s: Option<f64>) -> Effect {
+fn by_lateness(known: &KnownLateness, motion: MotionRms, removed_s: Option<f64>) -> Effect {
+    let speed_mps = motion.speed_mps;
     let lateness_s = known.lateness_s.value;
     let u_s = known.lateness_s.standard_uncertainty.unwrap_or(f64::INFINITY);
     let removed = removed_s.unwrap_or(0.0);
+    let by_velocity = known.velocity_late_s.unwrap_or(Estimate { value: 0.0, standard_uncertainty: None });
+    let added = |late_s: f64| (motion.acceleration_mps2 * removed * late_s).abs();
+    let (added_m, added_u_m) = (added(by_velocity.value), added(by_velocity.standard_uncertainty.unwrap_or(0.0)));
     // |T − Td| − |T| changes at −2 per second of T between 0 and Td, and not at all outside.
-    let change = (lateness_s - removed).abs() - lateness_s.abs();
+    let change_m = ((lateness_s - removed) * speed_mps).hypot(added_m) - lateness_s.abs() * speed_mps;
     let inside = |t: f64| t.clamp(removed.min(0.0), removed.max(0.0));
     let reach = 2.0 * (inside(lateness_s + SHOWN * u_s) - inside(lateness_s - SHOWN * u_s)).abs() / (2.0 * SHOWN);
+    let is_least = matches!(known.judged_by, JudgedBy::Velocity(_));
     let verdict = match removed_s {
         None => EffectVerdict::NoChange,
         Some(_) if !u_s.is_finite() => EffectVerdict::CannotTell,
-        Some(_) => verdict_of(change * speed_mps, reach * speed_mps, LEAST_SHARE * lateness_s.abs() * speed_mps),
+        Some(_) => verdict_of(change_m, reach * speed_mps, LEAST_SHARE * lateness_s.abs() * speed_mps),
     };
-    let metres = |s: f64| Estimate {
-        value: s.hypot(known.jitter_s) * speed_mps,
-        standard_uncertainty: Some(u_s * speed_mps).filter(|u| u.is_finite()),
+    let metres = |s: f64, added: (f64, f64)| Estimate {
+        value: (s.hypot(known.jitter_s) * speed_mps).hypot(added.0),
+        standard_uncertainty: Some((u_s * speed_mps).hypot(added.1)).filter(|u| u.is_finite()),
     };
-    let errors = [metres(lateness_s), metres(lateness_s - removed)];
+    let errors = [metres(lateness_s, (0.0, 0.0)), metres(lateness_s - removed, (added_m, added_u_m))];
     // A delay with uncertainty u leaves u, even if it is removed entirely.
-    let best_m = u_s.is_finite().then_some(u_s.hypot(known.jitter_s) * speed_mps);
+    let best_m = (u_s.is_finite() && !is_least).then(|| (u_s.hypot(known.jitter_s) * speed_mps).hypot(added_m));
     let against = match &known.judged_by {
         JudgedBy::Velocity(name) => format!("against {name}, with its own lateness unknown"),
         _ => "by the remaining lateness".to_owned(),
     };
-    finished(verdict, known.judged_by.clone(), &against, errors, best_m, removed_s)
+    let mut effect = finished(verdict, known.judged_by.clone(), &against, errors, best_m, removed_s);
+    if let (EffectVerdict::Harmed, JudgedBy::Velocity(name)) = (verdict, &known.judged_by) {
+        effect.words += &format!(", unless {name} is itself {} late", ms(removed - lateness_s));
+    }
+    effect
 }
 
 fn finished(
@@ -171,20 +194,24 @@ mod tests {
 
     fn known(lateness_s: f64, u_s: f64) -> KnownLateness {
         let lateness_s = Estimate { value: lateness_s, standard_uncertainty: Some(u_s) };
-        KnownLateness { lateness_s, judged_by: JudgedBy::Lateness, jitter_s: 0.0 }
+        KnownLateness { lateness_s, judged_by: JudgedBy::Lateness, jitter_s: 0.0, velocity_late_s: None }
+    }
+
+    fn at(speed_mps: f64) -> MotionRms {
+        MotionRms { speed_mps, acceleration_mps2: 0.0 }
     }
 
     #[test]
     fn jitter_remains_when_the_mean_delay_is_removed() {
         let known = KnownLateness { jitter_s: 0.1, ..known(0.4, 0.001) };
-        let found = effect(None, Some(&known), Some(10.0), Some(0.4));
+        let found = effect(None, Some(&known), at(10.0), Some(0.4));
         let close = |m: Option<Estimate>, to: f64| (m.unwrap().value - to).abs() < 1e-9;
         assert!(close(found.error_raw_m, 10.0 * 0.4_f64.hypot(0.1)) && close(found.error_compensated_m, 1.0));
         assert_eq!((found.verdict, found.short_by), (EffectVerdict::Helped, None));
     }
 
     fn verdict(lateness_s: f64, u_s: f64, removed_s: Option<f64>) -> EffectVerdict {
-        effect(None, Some(&known(lateness_s, u_s)), Some(10.0), removed_s).verdict
+        effect(None, Some(&known(lateness_s, u_s)), at(10.0), removed_s).verdict
     }
 
     #[test]
@@ -198,9 +225,33 @@ mod tests {
         assert_eq!(verdict(0.2, 0.0001, Some(0.4)), EffectVerdict::NoChange);
     }
 
+    /// Against a velocity the lateness is 150 ms or more: with a velocity 250 ms late, 400 ms are right.
+    #[test]
+    fn harm_against_a_velocity_is_stated_with_its_condition() {
+        let known = KnownLateness { judged_by: JudgedBy::Velocity("velocity.gps".into()), ..known(0.15, 0.002) };
+        let found = effect(None, Some(&known), at(20.0), Some(0.4));
+        assert_eq!((found.verdict, found.short_by), (EffectVerdict::Harmed, None));
+        assert!(found.words.ends_with("worse, unless velocity.gps is itself 250 ms late"), "{}", found.words);
+        assert_eq!(effect(None, Some(&known), at(20.0), Some(0.1)).verdict, EffectVerdict::Helped);
+    }
+
+    /// Design note 5.6: a·Td·Tv remains, here 4 m/s² · 0.5 s · 0.3 s.
+    #[test]
+    fn the_lateness_of_the_velocity_remains_in_the_error_after() {
+        let late = |value, u| Some(Estimate { value, standard_uncertainty: Some(u) });
+        let known = KnownLateness { velocity_late_s: late(0.3, 0.01), ..known(0.5, 0.001) };
+        let motion = MotionRms { speed_mps: 20.0, acceleration_mps2: 4.0 };
+        let found = effect(None, Some(&known), motion, Some(0.5));
+        let after = found.error_compensated_m.unwrap();
+        assert!((after.value - 0.6).abs() < 1e-12, "{after:?}");
+        assert!((after.standard_uncertainty.unwrap() - 0.02_f64.hypot(0.02)).abs() < 1e-12, "{after:?}");
+        assert!((found.error_raw_m.unwrap().value - 10.0).abs() < 1e-12);
+        assert_eq!((found.verdict, found.short_by), (EffectVerdict::Helped, None));
+    }
+
     #[test]
     fn removing_part_of_a_long_lateness_helps_even_if_the_rest_is_uncertain() {
-        let effect = effect(None, Some(&known(1.0, 0.1)), Some(10.0), Some(0.4));
+        let effect = effect(None, Some(&known(1.0, 0.1)), at(10.0), Some(0.4));
         assert_eq!(effect.verdict, EffectVerdict::Helped);
         assert!((effect.error_raw_m.unwrap().value - 10.0).abs() < 1e-12);
         assert!((effect.error_compensated_m.unwrap().value - 6.0).abs() < 1e-12);
@@ -210,15 +261,15 @@ mod tests {
 
     #[test]
     fn an_error_within_its_uncertainty_is_given_as_a_bound() {
-        let words = effect(None, Some(&known(0.133, 0.0236)), Some(3.0), Some(0.133)).words;
+        let words = effect(None, Some(&known(0.133, 0.0236)), at(3.0), Some(0.133)).words;
         assert_eq!(words, "helped: 0.40 → below 0.14 m (by the remaining lateness)");
     }
 
     #[test]
     fn removing_nothing_changes_nothing_and_no_knowledge_gives_no_verdict() {
         assert_eq!(verdict(0.0, 0.005, None), EffectVerdict::NoChange);
-        assert_eq!(effect(None, None, None, Some(0.4)).verdict, EffectVerdict::CannotTell);
-        assert_eq!(effect(None, None, None, None).verdict, EffectVerdict::NoChange);
+        assert_eq!(effect(None, None, at(0.0), Some(0.4)).verdict, EffectVerdict::CannotTell);
+        assert_eq!(effect(None, None, at(0.0), None).verdict, EffectVerdict::NoChange);
         assert_eq!(verdict(0.2, f64::INFINITY, Some(0.2)), EffectVerdict::CannotTell);
     }
 
@@ -233,17 +284,17 @@ mod tests {
             change_m: e(change, u),
             best_m: Some(0.05),
         };
-        let of = |change, u| effect(Some(&truth(change, u)), None, None, Some(0.4)).verdict;
+        let of = |change, u| effect(Some(&truth(change, u)), None, at(0.0), Some(0.4)).verdict;
         assert_eq!(of(-0.5, 0.1), EffectVerdict::Helped, "although each error alone is known to 0.3 m only");
         assert_eq!(of(0.5, 0.1), EffectVerdict::Harmed);
         assert_eq!(of(-0.03, 0.005), EffectVerdict::NoChange);
         assert_eq!(of(0.2, 0.2), EffectVerdict::CannotTell);
         let far = TruthEffect { compensated_m: e(0.97, 0.05), ..truth(-0.03, 0.005) };
-        let found = effect(Some(&far), None, None, Some(0.4));
+        let found = effect(Some(&far), None, at(0.0), Some(0.4));
         assert_eq!(found.verdict, EffectVerdict::NoChange);
         assert!(found.words.ends_with("but 19.4 × the smallest possible error"), "{}", found.words);
         let conditional = TruthEffect { if_on_time: Some("velocity.gps".into()), ..far };
-        let words = effect(Some(&conditional), None, None, Some(0.4)).words;
+        let words = effect(Some(&conditional), None, at(0.0), Some(0.4)).words;
         assert!(words.contains("(against position.truth, if velocity.gps is on time)"), "{words}");
     }
 }

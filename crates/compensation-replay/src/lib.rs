@@ -39,7 +39,7 @@ pub use compensator::{
     ExactFir, FeedError, Filtered, Fraction, KalmanFit, KalmanSettings, ModalFilter, Mode, OfflineShift, PadeForm,
     PadeRefusal, Replayed, Smoothed, StreamingAsync, VelocityFilter, VelocityView, fit_kalman, replay_axis, rts_smooth,
 };
-pub use effect::{KnownLateness, effect, error_words};
+pub use effect::{KnownLateness, MotionRms, effect, error_words};
 pub use ekf_values::{EkfChannelFacts, ekf_values, ekf_values_toml};
 pub use exact::ExactAsync;
 pub use export::{

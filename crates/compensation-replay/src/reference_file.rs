@@ -185,7 +185,7 @@ fn contradicted(
 }
 
 /// Velocities of one flight that are less similar than this are unrelated,
-const OTHER_FLIGHT: f64 = 0.5;
+const OTHER_FLIGHT: f64 = 0.7;
 /// if the log moves at least this fast, rms, m/s: at rest there is nothing to compare.
 const MOVES_MPS: f64 = 2.0;
 

@@ -53,13 +53,15 @@ pub struct FlightSources {
 }
 
 /// Decision for the flights of one group.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct GroupDecision {
     /// Delay removed from each flight, in the order of the flights given.
     pub removed: Vec<RemovedDelay>,
     /// Pools of the group's flights, outliers included and marked. The pool of the whole group comes first. If the
     /// group is split, those of its clusters follow. Empty without a usable flight.
     pub pools: Vec<DelayPool>,
+    /// Flights without a delay of their own whose difference between position and velocity is not that of the others.
+    pub unlike: Vec<String>,
 }
 
 /// Delay that is removed from each flight of one group, by the table of section 6.
@@ -87,5 +89,7 @@ pub fn decide(flights: &[FlightSources], asked: DelaySource, datum_uncertainty_s
         .enumerate()
         .map(|(at, flight)| Table { flight, evidence: group.evidence(at) }.removed(asked))
         .collect();
-    GroupDecision { removed, pools: group.into_pools() }
+    let is_unlike = |at: &usize| group.evidence(*at).unlike_s.is_some();
+    let unlike = (0..flights.len()).filter(is_unlike).map(|at| flights[at].flight.clone()).collect();
+    GroupDecision { removed, pools: group.into_pools(), unlike }
 }

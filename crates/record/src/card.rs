@@ -104,6 +104,17 @@ impl CardChannel {
         !self.lags_s.is_empty() && !changes && self.lags_explain_delay()
     }
 
+    /// How late the channel is in flight, s. A lag delays slow motion more than the swing on the bench, and a vehicle moves
+    /// slowly: then it is the lateness of slow motion, less certain by what a motion as fast as the swing would show.
+    #[must_use]
+    pub fn lateness_in_flight_s(&self) -> Estimate {
+        let own = Estimate { value: self.delay_s, standard_uncertainty: Some(self.delay_standard_uncertainty_s) };
+        let Some(value) = self.slow_motion_delay_s.filter(|_| self.has_lag()) else { return own };
+        let range_s = (value - self.delay_s).abs() / 12_f64.sqrt();
+        let u_s = self.slow_motion_standard_uncertainty_s.unwrap_or(self.delay_standard_uncertainty_s);
+        Estimate { value, standard_uncertainty: Some(u_s.hypot(range_s)) }
+    }
+
     /// Whether the delay lies between the lateness of slow motion less the lags and that lateness, as the pure delay
     /// that fits a lag best does, within 20 ms and four standard uncertainties.
     fn lags_explain_delay(&self) -> bool {
@@ -224,6 +235,9 @@ pub struct CardUse {
     pub sensor: SensorIdentity,
     /// The card's channel for the position that was replayed.
     pub channel: String,
-    /// Its delay, s.
+    /// Its delay, s; for a lag that of slow motion.
     pub delay_s: Estimate,
+    /// The same of the velocity that compensates it; `None` if it is not on the card.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub velocity_delay_s: Option<Estimate>,
 }

@@ -72,6 +72,9 @@ pub struct FlightLateness {
     pub reference_file: Option<ReferenceFile>,
     /// Ground speed, rms over the flight, m/s.
     pub speed_rms_mps: Option<f64>,
+    /// Horizontal acceleration, rms over the flight, m/s²: changes of the velocity over a second.
+    #[serde(default)]
+    pub acceleration_rms_mps2: Option<f64>,
     /// Scatter of the delay from fix to fix, standard deviation, s; `None` if no scatter was found.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub jitter_s: Option<f64>,

@@ -1,16 +1,18 @@
 //! Wording of a lateness and of a difference, and other consequences of an answer.
 
 use super::{
-    advice_in, fly, kind_of, other_receivers, receivers_in_words, unknown, unused_imu, velocities_in_words, words,
+    advice_in, contradicts_reference, fly, kind_of, other_receivers, receivers_in_words, unknown, unused_imu,
+    velocities_in_words, words,
 };
 use crate::config::Pipeline;
-use crate::known_lateness::velocity_lateness_s;
+use crate::known_lateness::{contradiction_of_card, known, velocity_lateness_s};
 use crate::line::{DelayLine, LineParts};
-use delay_network::{NetworkSettings, PairObservation, lineage_from_name, solve};
+use delay_network::{NetworkSettings, PairObservation, ReferenceUse, lineage_from_name, solve};
+use flight::Notices;
 use record::{
-    ChannelLateness, Decision, DelayAdvice, DelayAlarm, DelayKind, DelayOverTime, DelayPairKind, DelaySetting,
-    DelaySource, Estimate, Finding, FlightDelays, FlightLateness, Gravity, GroupLateness, NetworkDatum, NetworkVerdict,
-    PairDelay,
+    CardDelay, CardUse, ChannelLateness, Decision, DelayAdvice, DelayAlarm, DelayKind, DelayOverTime, DelayPairKind,
+    DelaySetting, DelaySource, Estimate, Finding, FlightDelays, FlightLateness, Gravity, GroupLateness, JudgedBy,
+    NetworkDatum, NetworkVerdict, PairDelay, SensorIdentity,
 };
 
 fn estimate(value: f64, u: f64) -> Estimate {
@@ -56,6 +58,72 @@ fn decision(contradicted: Option<&str>) -> Decision {
         words: String::new(),
         contradicted: contradicted.map(str::to_owned),
     }
+}
+
+/// Former bug: "102.9 ± 2.5 ms late, helped" where the clock of the reference was 150 ms off and its velocity 150 ms
+/// early.
+#[test]
+fn a_reference_with_an_early_velocity_is_not_the_zero() {
+    let network = |velocity_s: f64, position_s: f64| {
+        let pair =
+            |kind, first: &str, second: &str, delay_s| PairObservation::measured(kind, first, second, delay_s, 0.001);
+        let pairs = [
+            pair(DelayPairKind::PositionAgainstReference, "position.gps", "position.reference", position_s),
+            pair(DelayPairKind::VelocityAgainstReference, "velocity.gps", "position.reference", velocity_s),
+            pair(DelayPairKind::PositionAgainstVelocity, "position.gps", "velocity.gps", position_s - velocity_s),
+        ];
+        let settings = NetworkSettings { reference: ReferenceUse::Datum, ..NetworkSettings::default() };
+        solve(&pairs, &lineage_from_name, &settings).unwrap()
+    };
+    let text = contradicts_reference(&network(-0.15, 0.103)).unwrap();
+    assert!(text.starts_with("velocity.gps would be 150"), "{text}");
+    assert_eq!(contradicts_reference(&network(-0.015, 0.235)), None, "within what filters do");
+    assert_eq!(contradicts_reference(&network(0.0, -0.1)), None, "a position may be predicted");
+}
+
+/// Former bug: the mean of the other flights was taken for the lateness of a straight flight: "✓ helped".
+#[test]
+fn the_mean_of_the_other_flights_judges_only_a_flight_that_shows_the_same_difference() {
+    let removed = Decision { used: Some(DelaySource::OthersFlights), delay_s: Some(0.12), ..decision(None) };
+    let shows = |position_minus_velocity_s| FlightLateness {
+        velocity: Some("velocity.gps".into()),
+        position_minus_velocity_s,
+        ..unknown("k")
+    };
+    assert_eq!(known(&shows(None), &removed), None);
+    let same = known(&shows(Some(estimate(0.1, 0.01))), &removed).unwrap();
+    assert_eq!((same.lateness_s.value, same.judged_by), (0.12, JudgedBy::Lateness));
+    assert!((same.velocity_late_s.unwrap().value - 0.02).abs() < 1e-12);
+}
+
+/// Former bug: "harmed" where the card said, rightly, that the velocity is late, too.
+#[test]
+fn a_card_with_the_velocity_judges_a_flight_that_shows_only_a_difference() {
+    let with = |apart_s: f64| {
+        let card = CardUse {
+            file: "m.card.toml".into(),
+            blake3: String::new(),
+            sensor: SensorIdentity::default(),
+            channel: "position.gps".into(),
+            delay_s: estimate(0.4, 0.002),
+            velocity_delay_s: Some(estimate(0.25, 0.002)),
+        };
+        let card = CardDelay { delay_s: card.delay_s, words: String::new(), card, notices: Notices::new() };
+        FlightLateness {
+            velocity: Some("velocity.gps".into()),
+            position_minus_velocity_s: Some(estimate(apart_s, 0.002)),
+            card: Some(Finding::Found(card)),
+            ..unknown("k")
+        }
+    };
+    let removed = Decision { used: Some(DelaySource::Card), ..decision(None) };
+    let found = known(&with(0.15), &removed).unwrap();
+    assert!((found.lateness_s.value - 0.4).abs() < 1e-12 && found.judged_by == JudgedBy::Lateness);
+    assert!((found.velocity_late_s.unwrap().value - 0.25).abs() < 1e-12);
+    assert_eq!(contradiction_of_card(&with(0.15), &removed), None);
+    let text = contradiction_of_card(&with(0.185), &removed).unwrap();
+    assert_eq!(text, "position - velocity is 185.0 ± 4.0 ms in this flight, and 150.0 ms on the card");
+    assert_eq!(contradiction_of_card(&with(0.185), &decision(None)), None, "the card was not removed");
 }
 
 /// Former bug: a minute of turns for a step that was measured, and another duration than in the reason.

@@ -8,23 +8,30 @@ pub(super) struct Reading {
     pub(super) value: Estimate,
     /// `None` if the number has no uncertainty, or an unknown one.
     pub(super) interval_95: Option<[f64; 2]>,
+    /// Whether the number is a root mean square.
+    is_rms: bool,
 }
 
 impl Reading {
     /// A count, or a fact of the log.
     pub(super) fn plain(value: f64) -> Reading {
-        Reading { value: Estimate { value, standard_uncertainty: None }, interval_95: None }
+        Reading { value: Estimate { value, standard_uncertainty: None }, interval_95: None, is_rms: false }
     }
 
     /// With the interval value ± U, U = 2u.
     pub(super) fn uncertain(value: Estimate) -> Reading {
         let around = |u: f64| [value.value - 2.0 * u, value.value + 2.0 * u];
-        Reading { value, interval_95: value.standard_uncertainty.map(around) }
+        Reading { value, interval_95: value.standard_uncertainty.map(around), is_rms: false }
     }
 
     /// With an interval from the analysis.
     pub(super) fn within(value: Estimate, interval_95: [f64; 2]) -> Reading {
-        Reading { value, interval_95: Some(interval_95) }
+        Reading { value, interval_95: Some(interval_95), is_rms: false }
+    }
+
+    /// A root mean square, with the interval value ± U.
+    pub(super) fn rms(value: Estimate) -> Reading {
+        Reading { is_rms: true, ..Reading::uncertain(value) }
     }
 
     /// Rejects values that are not finite.
@@ -38,12 +45,24 @@ const NO_UNCERTAINTY: &str = "the record gives no uncertainty of this number, so
     happens in a flight that is short compared with the correlation time of its errors: fly longer. decision = \
     \"value\" compares the number alone";
 
+/// Factors on the absolute value of one number from a normal distribution that hold its standard deviation in 95 %
+/// (χ² with one degree of freedom).
+const OF_ONE_VALUE: [f64; 2] = [0.446, 31.9];
+const ONE_VALUE: &str = "the record gives no uncertainty of this number, because its errors are correlated over the whole \
+    flight. It counts as a single value: the limit is outside of 0.446 to 31.9 times the number";
+
 /// The verdict, and its reason where numbers and rule do not show it.
 pub(super) fn judge(reading: &Reading, limit: Limit, rule: DecisionRule) -> (CriterionVerdict, &'static str) {
     let value = reading.value.value;
     match (rule, reading.interval_95) {
         (DecisionRule::Plain | DecisionRule::Value, _) => (decided([value, value], limit), ""),
         (DecisionRule::Interval, Some(interval)) => (decided(interval, limit), ""),
+        (DecisionRule::Interval, None) if reading.is_rms => {
+            match decided(OF_ONE_VALUE.map(|factor| factor * value), limit) {
+                CriterionVerdict::Inconclusive => (CriterionVerdict::Inconclusive, NO_UNCERTAINTY),
+                verdict => (verdict, ONE_VALUE),
+            }
+        }
         (DecisionRule::Interval, None) => (CriterionVerdict::Inconclusive, NO_UNCERTAINTY),
     }
 }
@@ -158,6 +177,22 @@ mod tests {
         let (verdict, reason) = judge(&reading, Limit::AtMost(1.0), DecisionRule::Interval);
         assert_eq!(verdict, Inconclusive);
         assert!(reason.contains("no uncertainty"), "{reason}");
+    }
+
+    /// Former bug: an error of 8 m without uncertainty was inconclusive against a limit of 1 m.
+    #[test]
+    fn an_rms_without_uncertainty_decides_where_even_one_value_would() {
+        let of = |value: f64| {
+            let reading = Reading::rms(Estimate { value, standard_uncertainty: None });
+            judge(&reading, Limit::AtMost(1.0), DecisionRule::Interval).0
+        };
+        assert_eq!(
+            [8.0, 2.3, 2.2, 0.72, 0.04, 0.03].map(of),
+            [Fail, Fail, Inconclusive, Inconclusive, Inconclusive, Pass]
+        );
+        // A normal value is beyond 2.2414 standard deviations in 2.5 %, and within 0.03134 in 2.5 %.
+        let [low, high] = OF_ONE_VALUE;
+        assert!((low - 1.0 / 2.2414).abs() < 1e-3 && (high - 1.0 / 0.031338).abs() < 0.02, "{low} {high}");
     }
 
     #[test]

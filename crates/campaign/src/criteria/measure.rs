@@ -3,7 +3,7 @@
 use super::judge::Reading;
 use super::metric::Metric;
 use crate::rate::rate_of;
-use flight::{ChannelHealth, LogHealth, Severity};
+use flight::{Alarm, ChannelHealth, LogHealth, Severity};
 use record::{
     ChannelLateness, CompensatorResult, CompensatorScore, DelayKind, DelayPairKind, DelaySource, DelaySweep, Estimate,
     Finding, FlightLateness, FlightRecord, MeasuredDelay, Outcome, PairDelay, PairUse, ReferenceScore, ReplayRecord,
@@ -20,6 +20,11 @@ pub(super) struct Subject<'a> {
 
 /// The number of a metric, or why there is none.
 pub(super) fn measure(metric: Metric, of: &Subject<'_>) -> Result<Reading, String> {
+    if is_against_reference(metric)
+        && let Some(alarm) = of.contradicted_reference()
+    {
+        return Err(alarm.to_owned());
+    }
     let reading = match metric {
         Metric::Lateness => of.lateness(),
         Metric::LatenessExpandedUncertainty => of.lateness_estimate().and_then(expanded_uncertainty),
@@ -35,7 +40,7 @@ pub(super) fn measure(metric: Metric, of: &Subject<'_>) -> Result<Reading, Strin
         Metric::SmallestDetectableDelayChange => of.own_delay().map(smallest_detectable),
         Metric::InjectionError => of.own_delay().and_then(worst_injection),
         Metric::MovingShare => of.moving_share(),
-        Metric::ErrorRms => of.error(|c| c.error_rms_m),
+        Metric::ErrorRms => of.error_of(of.compensator.unwrap_or_default(), |c| c.error_rms_m).map(Reading::rms),
         Metric::ErrorP95 => of.error(|c| c.error_p95_m),
         Metric::ErrorRatio => of.error_ratio(),
         Metric::CorrectionRms => of.compensator().map(correction),
@@ -77,7 +82,30 @@ pub(super) fn measure(metric: Metric, of: &Subject<'_>) -> Result<Reading, Strin
     reading?.finite()
 }
 
+/// Whether the number is only as right as the clock of the reference.
+fn is_against_reference(metric: Metric) -> bool {
+    matches!(
+        metric,
+        Metric::DelayAgainstReference
+            | Metric::VelocityDelayAgainstReference
+            | Metric::ErrorRms
+            | Metric::ErrorP95
+            | Metric::ErrorRatio
+            | Metric::ErrorMax
+            | Metric::AlongTrackRms
+            | Metric::AcrossTrackRms
+            | Metric::ResidualDelayAgainstReference
+            | Metric::ErrorAtBenchValue
+    )
+}
+
 impl Subject<'_> {
+    /// What contradicts the clock of the reference.
+    fn contradicted_reference(&self) -> Option<&str> {
+        let alarms = &self.record.lateness.as_ref()?.alarms;
+        alarms.iter().find(|alarm| alarm.code == Alarm::ReferenceContradicted).map(|alarm| alarm.text.as_str())
+    }
+
     fn lateness(&self) -> Result<Reading, String> {
         self.lateness_of_position().map(|found| Reading::within(found.lateness_s, found.interval_95_s))
     }
@@ -281,8 +309,20 @@ impl<'a> Subject<'a> {
         known(finding(self.score()?)).map(|found| Reading::uncertain(of(found)))
     }
 
+    /// If the errors are correlated over the whole flight, the residual has no uncertainty of its own: then it is the
+    /// delay against the reference, which models the correlation, less the removed delay.
     fn residual_delay_against_reference(&self) -> Result<Reading, String> {
-        known(&self.against_reference()?.residual_delay_s).map(|found| Reading::uncertain(*found))
+        let found = known(&self.against_reference()?.residual_delay_s)?;
+        let delay = self.pair(DelayPairKind::PositionAgainstReference).ok().and_then(|pair| pair.delay.found());
+        let removed_s = self.record.decision.as_ref().and_then(|decision| decision.delay_s);
+        Ok(match (found.standard_uncertainty, delay.zip(removed_s)) {
+            (None, Some((delay, removed_s))) => {
+                let less = |value_s: f64| value_s - removed_s;
+                let residual_s = Estimate { value: less(delay.delay_s.value), ..delay.delay_s };
+                Reading::within(residual_s, delay.interval_95_s.map(less))
+            }
+            _ => Reading::uncertain(*found),
+        })
     }
 
     fn against_reference(&self) -> Result<&'a ReferenceScore, String> {

@@ -260,6 +260,19 @@ fn lateness() -> Value {
     })
 }
 
+/// A number against a reference whose clock is contradicted is no number.
+#[test]
+fn a_contradicted_reference_gives_no_number() {
+    let mut json = record_json();
+    let alarm = json!({ "gravity": "amber", "code": "reference-contradicted", "text": "the clock is off" });
+    let text = one("error-rms", &any_limit("error-rms"));
+    let verdict = |json: &Value| judged(&text, &serde_json::from_value(json.clone()).unwrap());
+    assert!(verdict(&json).value.is_some());
+    json["lateness"]["alarms"] = json!([alarm]);
+    let found = verdict(&json);
+    assert_eq!((found.verdict, found.reason.as_str()), (CriterionVerdict::NotEvaluated, "the clock is off"));
+}
+
 /// The finding of a text with one criterion on a record.
 fn judged(text: &str, record: &FlightRecord) -> CriterionFinding {
     let mut findings = parse(text).unwrap().judge("2026-05/f.bag", record).findings;

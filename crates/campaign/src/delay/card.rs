@@ -7,7 +7,7 @@ use bench_analysis::sensor_name;
 use flight::{Channel, Clock, Code, Delay, Graded, Notices, Severity, Stamp, UtcTie};
 use jiff::civil::Date;
 use jiff::tz::TimeZone;
-use record::{CardChannel, CardUse, Estimate, SensorCard, TimeBasis, Verdict};
+use record::{CardChannel, CardUse, SensorCard, TimeBasis, Verdict};
 
 /// The largest relative difference of the update rates of flight and bench with one configuration.
 const RATE_TOLERANCE: f64 = 0.2;
@@ -104,7 +104,8 @@ impl<'a> Reading<'a> {
     fn delay(mut self) -> Result<FoundDelay, String> {
         let position = self.position()?;
         let nothing = || format!("{}: {} is not late: nothing to remove", self.used.name(), position.name);
-        let delay = Delay::from_seconds(position.delay_s).filter(|d| d.seconds() > 0.0).ok_or_else(nothing)?;
+        let estimate = position.lateness_in_flight_s();
+        let delay = Delay::from_seconds(estimate.value).filter(|d| d.seconds() > 0.0).ok_or_else(nothing)?;
         self.warn_of_configuration(position, self.case.position);
         self.warn_of_lag(position);
         self.warn_of_rig(position);
@@ -112,14 +113,13 @@ impl<'a> Reading<'a> {
         self.report_velocity();
         let validity = self.validity();
         let source = format!("{}{validity}", self.origin(position));
-        let estimate =
-            Estimate { value: position.delay_s, standard_uncertainty: Some(position.delay_standard_uncertainty_s) };
         let card = CardUse {
             file: self.used.name().to_owned(),
             blake3: self.used.blake3().to_owned(),
             sensor: self.card.sensor.clone(),
             channel: position.name.clone(),
             delay_s: estimate,
+            velocity_delay_s: self.velocity().map(CardChannel::lateness_in_flight_s),
         };
         Ok(FoundDelay {
             delay,
@@ -160,9 +160,10 @@ impl<'a> Reading<'a> {
     /// lateness of the position is on time, and −a·Tp·Tv remains (design note 5.6, delay network 1).
     fn report_velocity(&mut self) {
         let name = self.case.velocity.0;
-        let late = |c: &&CardChannel| c.name == name && matches!(c.verdict, Verdict::Delayed | Verdict::Early);
-        let Some(velocity) = self.card.channels.iter().find(late) else { return };
-        let shown = milliseconds(velocity.delay_s, velocity.delay_standard_uncertainty_s);
+        let is_late = |c: &&CardChannel| matches!(c.verdict, Verdict::Delayed | Verdict::Early);
+        let Some(velocity) = self.velocity().filter(is_late) else { return };
+        let late_s = velocity.lateness_in_flight_s();
+        let shown = milliseconds(late_s.value, late_s.standard_uncertainty.unwrap_or_default());
         let text = format!(
             "{name} is itself {shown} ms late: the lateness of the position is removed anyway, and an error of \
              acceleration times both delays remains"
@@ -170,24 +171,29 @@ impl<'a> Reading<'a> {
         self.add_notice(Code::CardResidual.at(Severity::Info), text);
     }
 
-    /// Warns of a lag that is removed as a delay: the number is right for the bench's swing, and slower motion is
-    /// later.
+    /// The card's entry for the velocity that compensates, if it was measured.
+    fn velocity(&self) -> Option<&'a CardChannel> {
+        let name = self.case.velocity.0;
+        let is_measured =
+            |c: &&CardChannel| c.name == name && !matches!(c.verdict, Verdict::NotMeasurable | Verdict::Inconclusive);
+        self.card.channels.iter().find(is_measured)
+    }
+
+    /// Warns of a lag that is removed as a delay: the number is right for slow motion, and fast motion is less late.
     fn warn_of_lag(&mut self, on_card: &CardChannel) {
         if on_card.lags_s.iter().all(|lag| *lag <= 0.0) {
             return;
         }
-        let slow_s = on_card.slow_motion_delay_s.or_else(|| only_lags(on_card));
-        let slow = slow_s.map_or_else(
-            || "the card does not state how late slow motion is".to_owned(),
-            |s| format!("slow motion is {:.1} ms late (delay and lags together)", 1e3 * s),
-        );
-        let text = format!(
-            "{} shows {}; it is removed as the pure delay that fits the swing on the bench best, {:.1} ms, but \
-             {slow}",
-            on_card.name,
-            on_card.model,
-            1e3 * on_card.delay_s
-        );
+        let fast = format!("the pure delay that fits the swing on the bench best, {:.1} ms", 1e3 * on_card.delay_s);
+        let removed_s = on_card.lateness_in_flight_s().value;
+        let what = match removed_s == on_card.delay_s {
+            true => format!("{fast}; slower motion is later than that"),
+            false => format!(
+                "the lateness of slow motion, {:.1} ms; motion as fast as the swing has {fast}",
+                1e3 * removed_s
+            ),
+        };
+        let text = format!("{} shows {}; it is removed as {what}", on_card.name, on_card.model);
         self.add_notice(Code::CardResidual, text);
     }
 
@@ -267,12 +273,8 @@ impl<'a> Reading<'a> {
         let day = self.card.measured_on.as_ref().map(|day| format!(", measured on {day}")).unwrap_or_default();
         let records =
             if position.records == 1 { "1 record".to_owned() } else { format!("{} records", position.records) };
-        let shown = milliseconds(position.delay_s, position.delay_standard_uncertainty_s);
+        let late_s = position.lateness_in_flight_s();
+        let shown = milliseconds(late_s.value, late_s.standard_uncertainty.unwrap_or_default());
         format!("sensor card {} of {sensor}{day}, {records}: {} {shown} ms (k = 2)", self.used.name(), position.name)
     }
-}
-
-/// Lateness of slow motion for a channel that is a pure lag, for cards that do not state it.
-fn only_lags(channel: &CardChannel) -> Option<f64> {
-    (channel.model.starts_with("first-order lag")).then(|| channel.lags_s.iter().sum())
 }

@@ -157,24 +157,32 @@ fn a_late_or_early_velocity_is_reported_and_leaves_the_delay_unchanged() {
     }
 }
 
+/// Former bug: the delay that fits the swing was removed, and flights with slow motion were later by the rest.
 #[test]
-fn a_lag_removed_as_a_delay_warns_of_the_lateness_of_slow_motion() {
+fn of_a_lag_the_lateness_of_slow_motion_is_removed_with_a_warning() {
     let mut card = card("1", "2026-02-03");
-    let source = |card: &SensorCard| {
+    let found = |card: &SensorCard| {
         let found = usual().with(card).unwrap();
         assert_eq!(codes(&found), [(Severity::Warning, "card-residual")]);
-        found.notices.iter().map(|n| n.text.clone()).collect::<String>()
+        (
+            found.delay.seconds(),
+            found.standard_uncertainty_s.unwrap(),
+            found.notices.iter().next().unwrap().text.clone(),
+        )
     };
     let position = card.channels[0].clone();
     let lagged = CardChannel { lags_s: vec![0.1], model: "delay and first-order lag".into(), ..position };
-    card.channels[0] = CardChannel { slow_motion_delay_s: Some(0.43), ..lagged.clone() };
-    let text = source(&card);
-    assert!(text.contains("fits the swing on the bench best, 400.0 ms, but slow motion is 430.0 ms late"), "{text}");
-    // Older cards: for a pure lag it follows from the lag, for a delay with a lag it does not.
-    card.channels[0] = CardChannel { model: "first-order lag (2 of 3 records)".into(), ..lagged.clone() };
-    assert!(source(&card).contains("slow motion is 100.0 ms late"));
+    let slow_motion_standard_uncertainty_s = Some(0.004);
+    card.channels[0] =
+        CardChannel { slow_motion_delay_s: Some(0.43), slow_motion_standard_uncertainty_s, ..lagged.clone() };
+    let (delay_s, u_s, text) = found(&card);
+    // Motion between slow and as fast as the swing: uniform over 30 ms.
+    assert!(delay_s == 0.43 && (u_s - 0.004_f64.hypot(0.03 / 12_f64.sqrt())).abs() < 1e-12, "{delay_s} {u_s}");
+    assert!(text.contains("the lateness of slow motion, 430.0 ms; motion as fast as the swing has"), "{text}");
+    // A card that does not state it.
     card.channels[0] = lagged;
-    assert!(source(&card).contains("the card does not state how late slow motion is"));
+    let (delay_s, _, text) = found(&card);
+    assert!(delay_s == 0.4 && text.ends_with("400.0 ms; slower motion is later than that"), "{text}");
 }
 
 #[test]

@@ -106,6 +106,7 @@ fn lateness(i: usize) -> FlightLateness {
         position_minus_velocity_s: Some(estimate(late.value - 0.01, 0.001)),
         card: None,
         speed_rms_mps: Some(17.5),
+        acceleration_rms_mps2: Some(2.0),
         jitter_s: None,
         lever_arm_s_per_decimetre: None,
         other_receivers: vec![],

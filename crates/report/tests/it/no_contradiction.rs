@@ -57,6 +57,7 @@ fn lateness() -> FlightLateness {
         position_minus_velocity_s: Some(estimate(0.143, 0.007)),
         card: None,
         speed_rms_mps: Some(17.5),
+        acceleration_rms_mps2: Some(2.0),
         jitter_s: None,
         lever_arm_s_per_decimetre: None,
         other_receivers: vec![],
