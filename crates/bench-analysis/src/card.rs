@@ -2,7 +2,7 @@
 
 mod combine;
 #[cfg(test)]
-mod example;
+pub(crate) mod example;
 mod file;
 mod identity;
 mod iron;

@@ -3,8 +3,8 @@
 use crate::verdict::{millis, probability};
 use record::{Estimate, Finding, ModelFinding, Stationarity};
 use signal::{
-    DelayFit, DelaySettings, DelayStart, LaggedReference, Measurement, SegmentDelay, delay_by_segment, fit_delay,
-    fit_delay_near, homogeneity,
+    DelayFit, DelaySettings, DelayStart, LagModel, LaggedReference, Measurement, SegmentDelay, delay_by_segment,
+    fit_delay, fit_delay_near, homogeneity,
 };
 
 /// Windows of the delay over the record, s; half overlapping.
@@ -118,7 +118,13 @@ fn changes_behind_lag(
     if lags.is_empty() {
         return true;
     }
-    let lagged = |m: &Measurement<'_>| LaggedReference::new(m.reference, &lags, GRID_S);
+    let averages = best.is_some_and(|c| c.name == LagModel::DA.name());
+    let square_s2 = best.and_then(|c| c.square_s2).map(|square| square.value);
+    let lagged = |m: &Measurement<'_>| match square_s2 {
+        Some(a2) => LaggedReference::second_order(m.reference, [lags[0], a2], GRID_S),
+        None if averages => LaggedReference::moving_average(m.reference, 2.0 * lags[0], GRID_S),
+        None => LaggedReference::new(m.reference, &lags, GRID_S),
+    };
     let Some(references) = measurements.iter().map(lagged).collect::<Option<Vec<_>>>() else { return true };
     let lagged: Vec<Measurement<'_>> =
         measurements.iter().zip(&references).map(|(m, reference)| Measurement { reference, ..*m }).collect();

@@ -34,6 +34,7 @@ pub(crate) fn model(choice: &LagChoice, step_s: f64) -> Finding<ModelFinding> {
             delta_bic: c.bic - best.bic,
             delay_s: c.delay_s.map(estimate),
             lags_s: c.lags_s.iter().copied().map(estimate).collect(),
+            square_s2: c.square_s2.map(estimate),
             gain: c.gains.first().map_or(Estimate { value: 1.0, standard_uncertainty: None }, |g| estimate(*g)),
         })
         .collect();
@@ -74,6 +75,8 @@ fn text(choice: &LagChoice, best: &LagCandidate) -> String {
         LagModel::L => "a first-order lag",
         LagModel::DL => "a delay and a first-order lag",
         LagModel::DLL => "a delay and two lags",
+        LagModel::D2 => "a delay and a second-order filter",
+        LagModel::DA => "a delay and a moving average",
     };
     match (choice.chosen, choice.rival.map(|(model, delta)| (words(model), delta))) {
         (Some(_), Some((rival, delta))) => format!("{}; {rival} is worse by ΔBIC {delta:.1}", words(best.model)),
@@ -90,6 +93,11 @@ fn text(choice: &LagChoice, best: &LagCandidate) -> String {
     }
 }
 
+/// Whether this is a moving average, which has one delay at all frequencies, but not one gain.
+fn averages(candidate: &ModelCandidate) -> bool {
+    candidate.name == LagModel::DA.name()
+}
+
 /// The numbers of the chosen model, if it has a lag: `a first-order lag of 300.1 ± 2.4 ms (k = 2)`.
 pub(crate) fn lag_in_words(model: &ModelFinding) -> Option<String> {
     let chosen = model.candidates.iter().find(|c| Some(&c.name) == model.chosen.as_ref())?;
@@ -99,11 +107,19 @@ pub(crate) fn lag_in_words(model: &ModelFinding) -> Option<String> {
     };
     let lags = match chosen.lags_s.as_slice() {
         [] => return None,
+        [half] if averages(chosen) => {
+            let twice = |s: f64| 2.0 * s;
+            let window =
+                Estimate { value: twice(half.value), standard_uncertainty: half.standard_uncertainty.map(twice) };
+            format!("a moving average over {}", number(&window))
+        }
+        [lag] if chosen.square_s2.is_some() => format!("a second-order filter of {}", number(lag)),
         [lag] => format!("a first-order lag of {}", number(lag)),
         lags => format!("lags of {}", lags.iter().map(number).collect::<Vec<_>>().join(" and ")),
     };
     let delay = chosen.delay_s.as_ref().map(|d| format!("a delay of {} and ", number(d))).unwrap_or_default();
-    Some(format!("{delay}{lags} (k = 2), so slow motion is {} late", number(&model.sum_s)))
+    let motion = if averages(chosen) { "motion at any speed" } else { "slow motion" };
+    Some(format!("{delay}{lags} (k = 2), so {motion} is {} late", number(&model.sum_s)))
 }
 
 /// The verdict, where a lag may make slow motion late although the best pure delay of this swing is within its margin.
@@ -122,6 +138,9 @@ pub(crate) fn with_model(reason: &str, delay_s: f64, model: Option<&ModelFinding
     match model {
         None => reason.to_owned(),
         Some(model) => match (lag_in_words(model), model.chosen.as_deref()) {
+            (Some(lag), Some(name)) if name == LagModel::DA.name() => {
+                format!("{lag}. Its gain depends on the frequency. Chosen model: {}", model.text)
+            }
             (Some(lag), _) => format!(
                 "{lag}. The pure delay that fits this swing best is {} ms ({reason}). It is not a property of the \
                  sensor: it differs at another speed. Chosen model: {}",
@@ -141,8 +160,14 @@ mod tests {
     fn lag(sum_ms: f64, u_ms: f64, chosen: Option<&str>) -> ModelFinding {
         let estimate = |ms: f64| Estimate { value: 1e-3 * ms, standard_uncertainty: Some(1e-3 * u_ms) };
         let gain = Estimate { value: 1.0, standard_uncertainty: None };
-        let of =
-            |name: &str, lags_s| ModelCandidate { name: name.to_owned(), delta_bic: 0.0, delay_s: None, lags_s, gain };
+        let of = |name: &str, lags_s| ModelCandidate {
+            name: name.to_owned(),
+            delta_bic: 0.0,
+            delay_s: None,
+            lags_s,
+            square_s2: None,
+            gain,
+        };
         ModelFinding {
             candidates: vec![of("L", vec![estimate(sum_ms)]), of("D", vec![])],
             chosen: chosen.map(str::to_owned),
@@ -174,6 +199,7 @@ mod tests {
                 bic: 0.0,
                 delay_s: Some(uncertain(delay_ms)),
                 lags_s: vec![uncertain(38.0)],
+                square_s2: None,
                 gains: vec![],
                 sum_s: uncertain(38.0 + delay_ms),
                 delay_range_s: [0.0, 0.0],

@@ -6,7 +6,7 @@ mod gyro;
 
 use crate::alignment::{Alignment, Clue, estimate};
 use crate::flexibility::{Bar, bar_of, stated_mode_check};
-use crate::kinematics::wrapped;
+use crate::kinematics::{BarState, wrapped};
 use crate::magnetometer::{MagneticSwing, calibrate_magnetometer};
 use crate::rig::Rig;
 use crate::surroundings::Surroundings;
@@ -81,7 +81,8 @@ pub fn mount_finding(
     }
     ask_for_witnesses(&mut checks);
     checks.extend(stated_mode_check(flexibility));
-    let own: Vec<&str> = channels.iter().filter(|c| is_own_effect(c)).map(|c| c.name.as_str()).collect();
+    let pace = alignment.clues.iter().map(|clue| pace(&clue.fit.states)).fold(0.0, f64::max);
+    let own: Vec<&str> = channels.iter().filter(|c| is_own_effect(c, pace)).map(|c| c.name.as_str()).collect();
     for check in checks.iter_mut().filter(|check| own.iter().any(|name| check.name.ends_with(name))) {
         check.of_rig = false;
         if check.agrees == Some(false) {
@@ -158,9 +159,22 @@ fn excuse_what_angles_explain(checks: &mut [MountCheck], notices: &Notices) {
     }
 }
 
-/// Whether a deviation from the rig file is the channel's own: it was not measurable, or its lag shrinks its swing.
-fn is_own_effect(channel: &ChannelDynamics) -> bool {
-    channel.delay.is_none() || channel.lags().is_some()
+/// A lag of this many radians of the swing shrinks it by 0.3 %. A shorter one excuses no deviation: a lever arm across
+/// the bar makes an accelerometer look as if it had a lag of some milliseconds.
+const LAG_MATTERS_RAD: f64 = 0.08;
+
+/// Whether a deviation from the rig file is the channel's own: it was not measurable, or its lag shrinks its swing of
+/// this angular frequency.
+fn is_own_effect(channel: &ChannelDynamics, pace: f64) -> bool {
+    let matters = |lags: &[Estimate]| lags.iter().map(|lag| lag.value).sum::<f64>() * pace > LAG_MATTERS_RAD;
+    channel.delay.is_none() || channel.lags().is_some_and(|(_, lags)| matters(lags))
+}
+
+/// Angular frequency of the swing, rad/s: rms of its acceleration over that of its rate.
+fn pace(states: &[BarState]) -> f64 {
+    let (rates, accelerations) =
+        states.iter().fold((0.0, 0.0), |(r, a), s| (r + s.rate.powi(2), a + s.acceleration.powi(2)));
+    if rates > 0.0 { f64::sqrt(accelerations / rates) } else { 0.0 }
 }
 
 impl Inputs<'_> {
@@ -369,6 +383,17 @@ mod tests {
         let mut checks = found.map(of);
         ask_for_witnesses(&mut checks);
         checks.map(|c| c.of_rig && c.agrees == Some(false))
+    }
+
+    /// Former bug: 50 mm across the bar made an accelerometer look 7 ms lagged, and that lag hid the 50 mm.
+    #[test]
+    fn only_a_lag_that_shrinks_the_swing_excuses_a_deviation() {
+        use crate::card::example::{channel, model};
+        let with = |lag_s: f64| ChannelDynamics { model: model("L", &[lag_s]), ..channel("imu", 0.007, 1e-4) };
+        let at = |rate: f64| BarState { angle: 0.0, rate, acceleration: 4.0 * rate, jerk: 0.0 };
+        let rate = pace(&[at(0.5), at(-1.0)]);
+        assert!((rate - 4.0).abs() < 1e-12);
+        assert!(!is_own_effect(&with(0.007), rate) && is_own_effect(&with(0.11), rate));
     }
 
     #[test]

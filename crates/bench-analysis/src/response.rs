@@ -2,7 +2,7 @@
 
 use crate::sensed::{SensedChannel, Updates};
 use record::{Estimate, Finding, ModelCandidate, ModelFinding, ResponseFinding, ResponsePoint};
-use signal::{ComponentFit, DelayFit, frequency_response};
+use signal::{ComponentFit, DelayFit, LagModel, frequency_response};
 use std::f64::consts::TAU;
 
 /// Length of the segments in a long record, s; a short record has seven.
@@ -80,11 +80,20 @@ fn point(p: &signal::FrequencyPoint) -> ResponsePoint {
     }
 }
 
-/// Gain and phase of `K e^{−sτ} / Π(1 + sT)` at `f` Hz.
+/// Gain and phase of `K e^{−sτ} / Π(1 + sT)`, or of `K e^{−sτ} / (1 + a₁s + a₂s²)`, at `f` Hz.
 fn gain_and_phase(model: &ModelCandidate, f: f64) -> (f64, f64) {
     let w = TAU * f;
     let delay_s = model.delay_s.map_or(0.0, |d| d.value);
     let lags = || model.lags_s.iter().map(|lag| lag.value);
+    if model.name == LagModel::DA.name() {
+        let half = 0.5 * w * window_s(model);
+        let gain = if half == 0.0 { 1.0 } else { half.sin() / half };
+        return (model.gain.value * gain, -w * delay_s - half);
+    }
+    if let Some(a2) = model.square_s2 {
+        let (re, im) = (1.0 - a2.value * w * w, w * lags().sum::<f64>());
+        return (model.gain.value / re.hypot(im), -w * delay_s - im.atan2(re));
+    }
     let gain = lags().fold(model.gain.value, |gain, lag| gain / (w * lag).hypot(1.0));
     let phase = lags().fold(-w * delay_s, |phase, lag| phase - (w * lag).atan());
     (gain, phase)
@@ -106,6 +115,15 @@ fn in_hertz(hz: Estimate) -> String {
 /// From Π(1 + ω²Tₖ²) = 2, with gₖ = ω²Tₖ²/(1 + ω²Tₖ²): ∂ω/∂Tₖ = −(ω/Tₖ) gₖ/Σg. How the lags are correlated is not
 /// known here, so the shares are added as if fully: for one lag this is u(ω)/ω = u(T)/T.
 fn bandwidth(model: &ModelCandidate) -> Option<Estimate> {
+    if model.name == LagModel::DA.name() {
+        let window_s = window_s(model);
+        let hz = AVERAGE_3_DB / window_s;
+        let u = model.lags_s.first().and_then(|half| half.standard_uncertainty).map(|u| hz * 2.0 * u / window_s);
+        return Some(Estimate { value: hz, standard_uncertainty: u });
+    }
+    if let (Some(a1), Some(a2)) = (model.lags_s.first(), &model.square_s2) {
+        return Some(bandwidth_of_second_order(a1, a2));
+    }
     let lags: Vec<&Estimate> = model.lags_s.iter().filter(|lag| lag.value > 0.0).collect();
     let longest = lags.iter().map(|lag| lag.value).reduce(f64::max)?;
     let loss = |w: f64| lags.iter().map(|lag| 1.0 + (w * lag.value).powi(2)).product::<f64>();
@@ -124,9 +142,60 @@ fn bandwidth(model: &ModelCandidate) -> Option<Estimate> {
     })
 }
 
+/// sin(πx)/(πx) is 1/√2 here.
+const AVERAGE_3_DB: f64 = 0.442_946_470_689_452;
+
+/// Length of a moving average, s.
+fn window_s(model: &ModelCandidate) -> f64 {
+    2.0 * model.lags_s.first().map_or(0.0, |half| half.value)
+}
+
+/// Where (1 − a₂ω²)² + a₁²ω² = 2: a₂²x² + bx − 1 = 0 with x = ω² and b = a₁² − 2a₂. The shares of a₁ and a₂, by implicit
+/// derivatives, are added as if fully correlated.
+fn bandwidth_of_second_order(a1: &Estimate, a2: &Estimate) -> Estimate {
+    let (c1, c2) = (a1.value, a2.value);
+    let b = c1 * c1 - 2.0 * c2;
+    let x = 2.0 / (b + (b * b + 4.0 * c2 * c2).sqrt());
+    let w = x.sqrt();
+    let slope = 2.0 * w * (b + 2.0 * c2 * c2 * x);
+    let by = |e: &Estimate, partial: f64| Some((partial / slope).abs() * e.standard_uncertainty?);
+    let u = by(a1, 2.0 * c1 * x).zip(by(a2, 2.0 * x * (c2 * x - 1.0))).map(|(u1, u2)| (u1 + u2) / TAU);
+    Estimate { value: w / TAU, standard_uncertainty: u }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A Butterworth filter has half the power at its corner, and a₁/a₂ as in its formula.
+    #[test]
+    fn a_second_order_filter_has_its_bandwidth_and_response() {
+        let known = |value, u| Estimate { value, standard_uncertainty: Some(u) };
+        let corner_s = 1.0 / (TAU * 2.0);
+        let of = |a1: f64, a2: f64, u: f64| ModelCandidate {
+            square_s2: Some(known(a2, u)),
+            lags_s: vec![known(a1, u)],
+            ..model(Some(0.03), &[], 1.0)
+        };
+        let (a1, a2) = (2_f64.sqrt() * corner_s, corner_s * corner_s);
+        let butterworth = of(a1, a2, 1e-8);
+        let found = bandwidth(&butterworth).unwrap();
+        assert!((found.value - 2.0).abs() < 1e-12, "{found:?}");
+        let at = |a1: f64, a2: f64| bandwidth(&of(a1, a2, 0.0)).unwrap().value;
+        let expected = (at(a1 + 1e-8, a2) - at(a1, a2)).abs() + (at(a1, a2 + 1e-8) - at(a1, a2)).abs();
+        assert!((found.standard_uncertainty.unwrap() / expected - 1.0).abs() < 1e-3, "{found:?} {expected}");
+        let (gain, phase) = gain_and_phase(&butterworth, 2.0);
+        let expected = -TAU * 2.0 * 0.03 - 0.25 * TAU;
+        assert!((gain - 0.5_f64.sqrt()).abs() < 1e-12 && (phase - expected).abs() < 1e-12, "{gain} {phase}");
+    }
+
+    #[test]
+    fn a_moving_average_has_its_bandwidth_and_response() {
+        let of = |half| ModelCandidate { name: "DA".into(), ..model(Some(0.03), &[half], 1.0) };
+        let (average, hz) = (of(0.1), bandwidth(&of(0.1)).unwrap().value);
+        let (gain, phase) = gain_and_phase(&average, hz);
+        assert!((gain - 0.5_f64.sqrt()).abs() < 1e-12 && (phase + TAU * hz * 0.13).abs() < 1e-12, "{gain} {phase}");
+    }
 
     fn model(delay_s: Option<f64>, lags: &[f64], gain: f64) -> ModelCandidate {
         let known = |value| Estimate { value, standard_uncertainty: None };
@@ -135,6 +204,7 @@ mod tests {
             delta_bic: 0.0,
             delay_s: delay_s.map(known),
             lags_s: lags.iter().copied().map(known).collect(),
+            square_s2: None,
             gain: known(gain),
         }
     }

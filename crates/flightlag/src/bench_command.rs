@@ -8,7 +8,7 @@ use crate::show::{Table, count, visible};
 use crate::stop::Stop;
 use campaign::{BenchOrder, BenchVerdict, bench_run};
 use flight::{Notice, Severity, fixed};
-use record::{BenchOutcome, CardChannel, CardMagnetometer, Finding, TimeBasis, Verdict};
+use record::{BenchOutcome, CardChannel, CardMagnetometer, Estimate, Finding, MOVING_AVERAGE, TimeBasis, Verdict};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -168,20 +168,24 @@ fn lag(channel: &CardChannel) -> Option<String> {
         let value = fixed(value_s * 1e3, digits);
         u_ms.map_or_else(|| format!("{value} ms"), |u| format!("{value} ± {u:.digits$} ms"))
     };
-    let uncertainties = channel.lags_standard_uncertainty_s.iter().copied().map(Some).chain(std::iter::repeat(None));
-    let lags: Vec<String> = channel.lags_s.iter().zip(uncertainties).map(|(lag_s, u_s)| number(*lag_s, u_s)).collect();
-    let slow = channel.slow_motion_delay_s.map(|slow_s| {
-        format!(", so slow motion is {} late", number(slow_s, channel.slow_motion_standard_uncertainty_s))
-    });
+    let of = |lag: Estimate| number(lag.value, lag.standard_uncertainty);
+    let lags: Vec<String> = channel.lags_as_named().into_iter().map(of).collect();
+    let averages = channel.model.starts_with(MOVING_AVERAGE);
+    let motion = if averages { "motion at any speed" } else { "slow motion" };
+    let slow = channel
+        .slow_motion_delay_s
+        .map(|slow_s| format!(", so {motion} is {} late", number(slow_s, channel.slow_motion_standard_uncertainty_s)));
+    let only = match averages {
+        true => String::new(),
+        false => format!("; {:.1} ms is only the pure delay that fits this swing best", channel.delay_s * 1e3),
+    };
     (channel.has_lag() && !channel.is_in_doubt()).then(|| {
         format!(
-            "{}: {} of {}{}; {} ms is only the pure delay that fits this swing best; the gain depends on the \
-             frequency",
+            "{}: {} of {}{}{only}; the gain depends on the frequency",
             channel.name,
             channel.model,
             lags.join(" and "),
-            slow.unwrap_or_default(),
-            fixed(channel.delay_s * 1e3, 1)
+            slow.unwrap_or_default()
         )
     })
 }

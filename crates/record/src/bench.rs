@@ -487,14 +487,19 @@ pub struct ModelFinding {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]
 pub struct ModelCandidate {
-    /// `D` delay, `L` first-order lag, `DL` both, `DLL` delay and two lags.
+    /// `D` delay, `L` first-order lag, `DL` both, `DLL` delay and two lags, `D2` delay and second-order filter with complex
+    /// poles, `DA` delay and moving average.
     pub name: String,
     /// Bayesian information criterion less that of the best candidate.
     pub delta_bic: f64,
     /// Delay, s; zero by definition for `L`.
     pub delay_s: Option<Estimate>,
-    /// Lags, s.
+    /// Lags, s; for `D2` the one number a₁ of `1/(1 + a₁s + a₂s²)`, by which slow motion is later, for `DA`
+    /// half the average.
     pub lags_s: Vec<Estimate>,
+    /// a₂ of `D2`, s².
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub square_s2: Option<Estimate>,
     /// Gain of the first excited component.
     pub gain: Estimate,
 }

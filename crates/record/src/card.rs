@@ -89,6 +89,9 @@ pub struct CardChannel {
     pub contradicted: Vec<String>,
 }
 
+/// The model of a channel that averages.
+pub const MOVING_AVERAGE: &str = "delay and moving average";
+
 impl CardChannel {
     /// Whether there is a reason to doubt the delay.
     #[must_use]
@@ -102,6 +105,16 @@ impl CardChannel {
     pub fn has_lag(&self) -> bool {
         let changes = self.contradicted.iter().any(|what| what.contains(crate::DELAY_CHANGES));
         !self.lags_s.is_empty() && !changes && self.lags_explain_delay()
+    }
+
+    /// The numbers of its model, s: lags, the a₁ of a second-order filter, or the length of a moving average, of which
+    /// `lags_s` holds half.
+    #[must_use]
+    pub fn lags_as_named(&self) -> Vec<Estimate> {
+        let factor = if self.model.starts_with(MOVING_AVERAGE) { 2.0 } else { 1.0 };
+        let u_s = |k: usize| self.lags_standard_uncertainty_s.get(k).map(|u| factor * u);
+        let of = |(k, lag): (usize, &f64)| Estimate { value: factor * lag, standard_uncertainty: u_s(k) };
+        self.lags_s.iter().enumerate().map(of).collect()
     }
 
     /// How late the channel is in flight, s. A lag delays slow motion more than the swing on the bench, and a vehicle moves

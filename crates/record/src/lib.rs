@@ -44,7 +44,8 @@ pub use crate::bench::{
 };
 pub use crate::campaign::{CampaignRecord, CampaignTotals, FlightRow, IgnoredInput};
 pub use crate::card::{
-    CARD_VERSION, CardChannel, CardMagnetometer, CardSource, CardUse, IronCalibration, SensorCard, SensorIdentity,
+    CARD_VERSION, CardChannel, CardMagnetometer, CardSource, CardUse, IronCalibration, MOVING_AVERAGE, SensorCard,
+    SensorIdentity,
 };
 pub use crate::changes::{CampaignChanges, MadeWith, MovedDelay, RerunFlight, TroubleChange, in_the_past};
 pub use crate::criteria::{

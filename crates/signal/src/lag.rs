@@ -19,10 +19,14 @@ pub enum LagModel {
     DL,
     /// `e^{−sτ}/((1 + sT₁)(1 + sT₂))`.
     DLL,
+    /// `e^{−sτ}/(1 + a₁s + a₂s²)` with complex poles, as most filters of a sensor have: no chain of lags is equal to it.
+    D2,
+    /// `e^{−sτ}(1 − e^{−sT})/(sT)`: delay and moving average, as of a velocity from positions.
+    DA,
 }
 
 impl LagModel {
-    /// `D`, `L`, `DL` or `DLL`.
+    /// `D`, `L`, `DL`, `DLL`, `D2` or `DA`.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -30,6 +34,8 @@ impl LagModel {
             LagModel::L => "L",
             LagModel::DL => "DL",
             LagModel::DLL => "DLL",
+            LagModel::D2 => "D2",
+            LagModel::DA => "DA",
         }
     }
 }
@@ -43,8 +49,10 @@ pub struct LagCandidate {
     pub bic: f64,
     /// Delay, s; `None` for [`LagModel::L`], which has no delay.
     pub delay_s: Option<Uncertain>,
-    /// Lags, s, longest first.
+    /// Lags, s, longest first; for [`LagModel::D2`] the one number `a₁`, for [`LagModel::DA`] half the average.
     pub lags_s: Vec<Uncertain>,
+    /// `a₂` of [`LagModel::D2`], s².
+    pub square_s2: Option<Uncertain>,
     /// Gains, one for each component.
     pub gains: Vec<Uncertain>,
     /// Delay plus lags, s: the group delay at low frequency.
@@ -71,12 +79,15 @@ const DISTINGUISHED: f64 = 6.0;
 const SAME_SHARE: f64 = 0.2;
 
 /// Chooses between a delay, a lag, and both, by the Bayesian information criterion (Schwarz 1978) of the candidates
-/// `D`, `L`, `DL` and `DLL`, each with gain, offset and drift as in `components` and with its own noise of the family
+/// `D`, `L`, `DL`, `DLL`, `D2` and `DA`, each with gain, offset and drift as in `components` and with its own noise of the family
 /// in `settings` (design note 3.6).
 ///
 /// The choice is undecided if a second candidate is within ΔBIC 6, unless it has the same meaning: a `DL` whose lag
-/// cannot be longer than a fifth of the whole is equivalent to `D`. All candidates are fitted to the same rows: those
+/// cannot be longer than a fifth of the whole is equivalent to `D`, and two candidates with delay and lag that are equally
+/// late together are. All candidates are fitted to the same rows: those
 /// of `fit`, minus a lead-in of about 6.2 delays in which a lag depends on motion before the start of the reference.
+///
+/// `D2` and `DA` are tried where the best of the others has a lag, and are candidates only if they are better by ΔBIC 10.
 ///
 /// Delay and lag separately are far less certain than their sum; narrow swings with a free gain cannot separate them.
 ///
@@ -113,11 +124,25 @@ pub fn choose_lag_model_against(
     let equal = rivals().find(is_as_good);
     let rival = equal.or_else(|| rivals().next()).map(|c| (c.model, c.bic - best.bic));
     let chosen = (equal.is_none() && !others.is_empty()).then_some(best.model);
-    LagChoice { chosen, rival, candidates: fitted.into_iter().map(|f| f.candidate).collect() }
+    // Where the data do not tell which of them it is, the lateness of slow motion is as uncertain as they differ.
+    let as_likely = others.iter().filter(|c| c.bic - best.bic < DISTINGUISHED && !c.lags_s.is_empty());
+    let apart_s = as_likely.map(|c| (c.sum_s.value - best.sum_s.value).abs()).fold(0.0, f64::max);
+    let mut candidates: Vec<LagCandidate> = fitted.into_iter().map(|f| f.candidate).collect();
+    if let Some(best) = candidates.first_mut().filter(|best| !best.lags_s.is_empty()) {
+        best.sum_s.standard_uncertainty = best.sum_s.standard_uncertainty.hypot(apart_s / 3_f64.sqrt());
+    }
+    LagChoice { chosen, rival, candidates }
 }
 
-/// Whether all delays compatible with `other` are close to that of `best`.
+/// Whether all delays compatible with `other` are close to that of `best`, or both have delay and lag and are equally
+/// late together.
 fn mean_the_same(best: &LagCandidate, other: &LagCandidate) -> bool {
+    let has_both = |c: &LagCandidate| !c.lags_s.is_empty() && c.delay_s.is_some();
+    let apart_s = (best.sum_s.value - other.sum_s.value).abs();
+    let u_s = best.sum_s.standard_uncertainty.hypot(other.sum_s.standard_uncertainty);
+    if has_both(best) && has_both(other) && apart_s < 2.0 * u_s {
+        return true;
+    }
     let delay = best.delay_s.map_or(0.0, |d| d.value);
     let farthest = other.delay_range_s.iter().map(|d| (d - delay).abs()).fold(0.0, f64::max);
     farthest < SAME_SHARE * best.sum_s.value.abs()

@@ -162,11 +162,15 @@ impl NoiseProblem {
             let (gram, log_det) = self.wander_gram(shape)?;
             plain(&gram, log_det)
         };
-        let lowest = self.search(|shape| of(shape).map_or(f64::INFINITY, |l| l.minus_log), self.shape_of(before));
-        let wander = of(&lowest.at)?;
+        let search = |before: Option<Shape>| {
+            let lowest = self.search(|shape| of(shape).map_or(f64::INFINITY, |l| l.minus_log), before);
+            Some((lowest.at, of(&lowest.at)?))
+        };
+        // A wander far outside of this record has no likelihood here.
+        let Some((shape, wander)) = search(self.shape_of(before)).or_else(|| search(None)) else { return Some(best) };
         let worth = 2.0 * (rows as f64).ln();
         if 2.0 * wander.minus_log + worth < best.minus_twice_log {
-            let model = self.model(&lowest.at, wander.scale);
+            let model = self.model(&shape, wander.scale);
             return Some(BestNoise { model, minus_twice_log: 2.0 * wander.minus_log, parameters: 3 });
         }
         Some(best)

@@ -602,6 +602,8 @@ fn model_in_words(name: &str) -> &str {
         "L" => "first-order lag",
         "DL" => "delay and first-order lag",
         "DLL" => "delay and two lags",
+        "D2" => "delay and second-order filter",
+        "DA" => record::MOVING_AVERAGE,
         other => other,
     }
 }

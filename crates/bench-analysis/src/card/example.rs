@@ -170,6 +170,7 @@ pub(crate) fn model(name: &str, lags_s: &[f64]) -> Finding<ModelFinding> {
             delta_bic: 0.0,
             delay_s: None,
             lags_s: lags_s.iter().copied().map(plain).collect(),
+            square_s2: None,
             gain: plain(1.0),
         }],
         chosen: Some(name.into()),

@@ -3,7 +3,7 @@
 use super::{ARM_TOLERANCE_M, Inputs, MISALIGNMENT_TOLERANCE_RAD, Side, check, coefficient, scale_check, u, unknown};
 use crate::alignment::{Clue, ForceFit, estimate, force_fit};
 use crate::kinematics::specific_force;
-use record::MountCheck;
+use record::{Estimate, MountCheck};
 use signal::regress;
 
 /// Minimum length of the lever arm in standard uncertainties to determine its side.
@@ -37,7 +37,14 @@ pub(super) fn checks(inputs: &Inputs<'_>, clue: &Clue) -> Vec<MountCheck> {
 fn in_plane(inputs: &Inputs<'_>, clue: &Clue, fit: &ForceFit) -> Vec<MountCheck> {
     let name = &clue.name;
     let [x, _, z] = clue.mount.lever_arm_m;
-    let (fitted_z, fitted_x) = (fit.estimate(2), fit.estimate(3));
+    let [cos_0, sin_0, ..] = fit.coefficients;
+    let size = cos_0.hypot(sin_0);
+    // Gravity shows the scale of the accelerometer, which is no length.
+    let unscaled = |e: Estimate| {
+        let factor = 1.0 / size;
+        estimate(factor * e.value, factor * u(&e))
+    };
+    let (fitted_z, fitted_x) = (unscaled(fit.estimate(2)), unscaled(fit.estimate(3)));
     let pitch = fitted_x.value.atan2(fitted_z.value) - x.atan2(z);
     let arm = |axis: &str, fitted, stated, text: String| {
         let label = format!("lever arm {axis} of {name}");
@@ -48,8 +55,6 @@ fn in_plane(inputs: &Inputs<'_>, clue: &Clue, fit: &ForceFit) -> Vec<MountCheck>
             unknown(label, "m", why)
         }
     };
-    let [cos_0, sin_0, ..] = fit.coefficients;
-    let size = cos_0.hypot(sin_0);
     let scale = estimate(size, fit.spread_of_gravity(cos_0 / size, sin_0 / size));
     let pitched = format!(
         "off the bar's line by {}°: a lever arm off the axis, or the sensor pitched by that angle",

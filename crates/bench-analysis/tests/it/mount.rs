@@ -155,7 +155,8 @@ fn sensor_errors_are_found_with_their_size() {
         channel.series = Series::new(channel.series.timeline().clone(), changed).unwrap();
     };
     let bias = [0.2, -0.1, 0.15];
-    change(&mut flight, "specific-force.imu", &|k, v| v + bias[k]);
+    // Former bug: this scale was taken for a longer lever arm.
+    change(&mut flight, "specific-force.imu", &|k, v| 1.01 * v + bias[k]);
     change(&mut flight, "angular-rate.imu", &|k, v| 1.02 * v + [0.01, -0.02, 0.005][k]);
     let (finding, notices) = found(&swing, &flight, &rig("", "", ""));
     // Small angles: second-order terms of 0.03 · 0.05 and cos of each are 2 mrad and 2 ‰.
@@ -170,6 +171,7 @@ fn sensor_errors_are_found_with_their_size() {
     near("misalignment about z of specific-force.imu", yaw, 4e-3);
     near("misalignment about x of specific-force.imu", roll, 4e-3);
     near("scale y of angular-rate.imu", 1.02, 3e-3);
+    near("scale of specific-force.imu", 1.01, 3e-3);
     near("bias x of angular-rate.imu", 0.01, 1e-3);
     near("bias y of angular-rate.imu", -0.02, 1e-3);
     near("bias x of specific-force.imu", 0.2, 0.03);

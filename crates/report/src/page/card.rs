@@ -380,6 +380,15 @@ impl Columns {
     }
 }
 
+/// What the numbers of a model are.
+fn number_of(model: &str) -> &'static str {
+    match model {
+        model if model.contains("filter") => "; filter ",
+        model if model.contains("average") => "; average ",
+        _ => "; lag ",
+    }
+}
+
 fn channel_table(channels: &[Channel]) -> Markup {
     let columns = Columns::of(channels);
     let head = columns.head();
@@ -405,9 +414,9 @@ fn channel_row(channel: &Channel, columns: &Columns) -> Markup {
             @if columns.held { td.n { (maybe(channel.as_seen_delay_s, |s| in_ms(s, Some(channel.delay_standard_uncertainty_s)))) } }
             td.any {
                 (shown(&channel.model))
-                @for (i, lag) in channel.lags_s.iter().enumerate() {
-                    (if i > 0 { ", " } else if channel.lags_s.len() == 1 { "; lag " } else { "; lags " })
-                    (in_ms(*lag, channel.lags_standard_uncertainty_s.get(i).copied()))
+                @for (i, lag) in channel.lags_as_named().into_iter().enumerate() {
+                    (if i > 0 { ", " } else { number_of(&channel.model) })
+                    (in_ms(lag.value, lag.standard_uncertainty))
                 }
                 @if !channel.lags_s.is_empty() { " ms" }
                 @if let Some(slow) = channel.slow_motion_delay_s {

@@ -198,6 +198,7 @@ fn model(kind: &Kind) -> Finding<ModelFinding> {
         delta_bic,
         delay_s: delay.map(|d| estimate(d, kind.u_s * 3.0)),
         lags_s: lags.iter().map(|&l| estimate(l, kind.u_s * 4.0)).collect(),
+        square_s2: None,
         gain: estimate(kind.gain, 0.002),
     };
     let decided = kind.name == "position.ins";

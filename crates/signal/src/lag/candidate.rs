@@ -12,6 +12,11 @@ use crate::whiten::NoiseModel;
 const GRID_S: f64 = 0.01;
 /// Longest lag to search, s.
 const LONGEST_LAG_S: f64 = 3.0;
+/// A candidate better than another by this much (in BIC) is very strongly preferred (Kass and Raftery 1995).
+const CLEARLY_BETTER: f64 = 10.0;
+/// Range of a₂/a₁² of a filter with complex poles: from just above two equal lags, 1/4, to a damping of 0.35.
+const NEARLY_CRITICAL: f64 = 0.2501;
+const LEAST_DAMPED: f64 = 2.0;
 const MOST_STEPS: usize = 40;
 const LEAST_ROWS: usize = 20;
 /// One-sided 95 %.
@@ -54,8 +59,9 @@ impl std::ops::Deref for Fitted {
 }
 
 /// Delay plus lags (s) and the squares of the lags (s²): near zero lag the likelihood is smooth in the square, not in
-/// the lag.
+/// the lag. For `D2`: delay plus a₁ (s), a₁ (s) and a₂ (s²). For `DA`: delay plus half the average (s), and the average (s).
 type Point = [f64; MOST_CURVED];
+type Covariance = [[f64; MOST_CURVED]; MOST_CURVED];
 
 /// A candidate at its best point.
 #[derive(Clone)]
@@ -109,7 +115,26 @@ impl<'a> Trial<'a> {
         let fitted =
             [(LagModel::D, only_delay), (LagModel::L, only_lag), (LagModel::DL, both), (LagModel::DLL, two_lags)];
         let free = fitted.into_iter().filter_map(|(model, best)| self.candidate(model, best?)).collect();
-        self.without_negative_delays(free)
+        self.with_filters(self.without_negative_delays(free))
+    }
+
+    /// With `D2` and `DA` where they are clearly better than a delay and lags, which are the usual case. Where they are only
+    /// as likely as lags, the lateness of slow motion is as uncertain as they differ.
+    fn with_filters(&self, mut all: Vec<Fitted>) -> Vec<Fitted> {
+        let usual = all.iter().filter(|f| f.model != LagModel::L).min_by(|a, b| a.bic.total_cmp(&b.bic));
+        let Some(usual) = usual.map(|f| f.candidate.clone()) else { return all };
+        let starts = starts_of_filters(&usual);
+        let fitted = starts.iter().filter_map(|(model, starts)| self.candidate(*model, self.best(*model, starts)?));
+        let proper = fitted.filter(|f| f.delay_s.is_some_and(|delay| delay.value >= 0.0));
+        let (clear, others): (Vec<Fitted>, Vec<Fitted>) = proper.partition(|f| f.bic + CLEARLY_BETTER < usual.bic);
+        for f in all.iter_mut().filter(|f| matches!(f.model, LagModel::DL | LagModel::DLL)) {
+            let as_likely = others.iter().filter(|other| other.bic < f.bic + DISTINGUISHED);
+            let apart_s = as_likely.map(|other| (other.sum_s.value - f.sum_s.value).abs()).fold(0.0, f64::max);
+            let u = &mut f.candidate.sum_s.standard_uncertainty;
+            *u = u.hypot(apart_s / 3_f64.sqrt());
+        }
+        all.extend(clear);
+        all
     }
 
     /// A sensor that shows a value early and also smears it does not exist, but a reference with too much
@@ -178,7 +203,18 @@ impl<'a> Trial<'a> {
     fn normal(&self, model: LagModel, blocks: &mut [Block], at: &Point) -> Normal {
         let (delay, lags) = delay_and_lags(model, at);
         for (block, reference) in blocks.iter_mut().zip(&self.references) {
-            let shape = lags.iter().fold(reference.clone(), |r, lag| r.after(*lag));
+            let shape = shaped(model, at, reference);
+            match model {
+                LagModel::D2 => {
+                    fill_second_order(block, &shape, &shaped(model, at, &shape), delay);
+                    continue;
+                }
+                LagModel::DA => {
+                    fill_average(block, &shape, reference, at);
+                    continue;
+                }
+                LagModel::D | LagModel::L | LagModel::DL | LagModel::DLL => {}
+            }
             let once_more: Vec<LaggedReference> = lags.iter().map(|lag| shape.after(*lag)).collect();
             let curvatures: Vec<Vec<f64>> = once_more.iter().map(LaggedReference::curvatures).collect();
             for (k, t) in block.t.iter().enumerate() {
@@ -248,8 +284,8 @@ impl<'a> Trial<'a> {
 
     /// Values minus gain times lagged and delayed reference.
     fn residuals(&self, model: LagModel, c: usize, best: &Best) -> Vec<f64> {
-        let (delay, lags) = delay_and_lags(model, &best.at);
-        let shape = lags.iter().fold(self.references[c].clone(), |r, lag| r.after(*lag));
+        let (delay, _) = delay_and_lags(model, &best.at);
+        let shape = shaped(model, &best.at, &self.references[c]);
         let (m, gain) = (&self.components[c], best.normal.projections[c].gain);
         let value = |t: f64| shape.value_and_rate_at(shape.place(t - delay)).0;
         self.rows[c].iter().map(|&k| m.y[k] - gain * value(m.t[k])).collect()
@@ -271,6 +307,9 @@ impl<'a> Trial<'a> {
 
     fn candidate(&self, model: LagModel, (best, bic): (Best, f64)) -> Option<Fitted> {
         let covariance = covariance(&best.normal);
+        if matches!(model, LagModel::D2 | LagModel::DA) {
+            return self.filter_candidate(model, (best, bic), &covariance);
+        }
         let (delay, lags) = delay_and_lags(model, &best.at);
         let sum = best.at[0];
         let sum_s = Uncertain { value: sum, standard_uncertainty: covariance[0][0].sqrt() };
@@ -298,9 +337,34 @@ impl<'a> Trial<'a> {
         let finite = bic.is_finite() && sum_s.standard_uncertainty.is_finite();
         let delay_s = (model != LagModel::L).then_some(delay_s);
         finite.then(|| Fitted {
-            candidate: LagCandidate { model, bic, delay_s, lags_s, gains, sum_s, delay_range_s },
+            candidate: LagCandidate { model, bic, delay_s, lags_s, square_s2: None, gains, sum_s, delay_range_s },
             shapes: (0..self.components.len()).map(|c| self.shape(model, c, &best)).collect(),
         })
+    }
+
+    /// `D2`, which is late by delay plus a₁, or `DA`, by delay plus half the average.
+    fn filter_candidate(&self, model: LagModel, (best, bic): (Best, f64), covariance: &Covariance) -> Option<Fitted> {
+        let share = if model == LagModel::DA { 0.5 } else { 1.0 };
+        let known = |k: usize, share: f64| Uncertain {
+            value: share * best.at[k],
+            standard_uncertainty: share * covariance[k][k].sqrt(),
+        };
+        let variance = covariance[0][0] + share * share * covariance[1][1] - 2.0 * share * covariance[0][1];
+        let delay_s =
+            Uncertain { value: best.at[0] - share * best.at[1], standard_uncertainty: variance.max(0.0).sqrt() };
+        let half = ONE_SIDED * delay_s.standard_uncertainty;
+        let candidate = LagCandidate {
+            model,
+            bic,
+            delay_s: Some(delay_s),
+            lags_s: vec![known(1, share)],
+            square_s2: (model == LagModel::D2).then(|| known(2, 1.0)),
+            gains: self.gains(&best),
+            sum_s: known(0, 1.0),
+            delay_range_s: [delay_s.value - half, delay_s.value + half],
+        };
+        let shapes = (0..self.components.len()).map(|c| self.shape(model, c, &best)).collect();
+        (bic.is_finite() && known(0, 1.0).standard_uncertainty.is_finite()).then_some(Fitted { candidate, shapes })
     }
 
     /// Gains with their uncertainty if the lateness is known; fixed gains have none.
@@ -317,14 +381,66 @@ impl<'a> Trial<'a> {
 fn parameters(model: LagModel) -> usize {
     match model {
         LagModel::D | LagModel::L => 1,
-        LagModel::DL => 2,
-        LagModel::DLL => 3,
+        LagModel::DL | LagModel::DA => 2,
+        LagModel::DLL | LagModel::D2 => 3,
+    }
+}
+
+/// Where the search for `D2` and `DA` begins, near the best of delay and lags; nowhere near a delay alone.
+fn starts_of_filters(usual: &LagCandidate) -> Vec<(LagModel, [Point; 2])> {
+    let sum = usual.sum_s.value;
+    let squares: f64 = usual.lags_s.iter().map(|lag| lag.value * lag.value).sum();
+    if squares <= 0.0 {
+        return vec![];
+    }
+    // Two equal lags smear as much as a moving average with T²/12 = 2T₁².
+    let (a1, window) = ((2.0 * squares).sqrt(), (12.0 * squares).sqrt());
+    vec![
+        (LagModel::D2, [[sum, a1, 0.3 * a1 * a1], [sum, 1.2 * a1, 0.6 * a1 * a1]]),
+        (LagModel::DA, [[sum, window, 0.0], [sum, 0.7 * window, 0.0]]),
+    ]
+}
+
+/// `reference` behind the lags or the filter of a model, without its delay; a moving average without its own.
+fn shaped(model: LagModel, at: &Point, reference: &LaggedReference) -> LaggedReference {
+    match model {
+        LagModel::D2 => reference.after_second_order([at[1], at[2]]),
+        LagModel::DA => reference.averaged(at[1]),
+        _ => delay_and_lags(model, at).1.iter().fold(reference.clone(), |r, lag| r.after(*lag)),
+    }
+}
+
+/// Columns of `DA`. With the mean X over T around t − S: ∂X/∂S = −X′, ∂X/∂T = (mean of both ends − X)/T.
+fn fill_average(block: &mut Block, shape: &LaggedReference, reference: &LaggedReference, &[sum, window, _]: &Point) {
+    let end = |t: f64| reference.value_and_rate_at(reference.place(t)).0;
+    for (k, t) in block.t.iter().enumerate() {
+        let (value, rate) = shape.value_and_rate_at(shape.place(t - sum));
+        block.columns[0][k] = value;
+        block.columns[1][k] = -rate;
+        let ends = 0.5 * (end(t - sum + 0.5 * window) + end(t - sum - 0.5 * window));
+        block.columns[2][k] = (ends - value) / window;
+    }
+}
+
+/// Columns of `D2`. With X = e^{−sτ}H r and τ = S − a₁: ∂X/∂S = −sX, ∂X/∂a₁ = sX − sHX, ∂X/∂a₂ = −s²HX.
+fn fill_second_order(block: &mut Block, shape: &LaggedReference, once_more: &LaggedReference, delay: f64) {
+    let curvature = once_more.curvatures();
+    for (k, t) in block.t.iter().enumerate() {
+        let place = shape.place(t - delay);
+        let (value, rate) = shape.value_and_rate_at(place);
+        let (i, x) = place;
+        block.columns[0][k] = value;
+        block.columns[1][k] = -rate;
+        block.columns[2][k] = rate - once_more.value_and_rate_at(place).1;
+        block.columns[3][k] = -(curvature[i] + x * (curvature[i + 1] - curvature[i]));
     }
 }
 
 fn delay_and_lags(model: LagModel, at: &Point) -> (f64, Vec<f64>) {
     match model {
         LagModel::L => (0.0, vec![at[0]]),
+        LagModel::D2 => (at[0] - at[1], vec![]),
+        LagModel::DA => (at[0], vec![]),
         _ => {
             let lags: Vec<f64> = at[1..parameters(model)].iter().map(|v| v.sqrt()).collect();
             (at[0] - lags.iter().sum::<f64>(), lags)
@@ -335,17 +451,25 @@ fn delay_and_lags(model: LagModel, at: &Point) -> (f64, Vec<f64>) {
 fn bounded(model: LagModel, at: Point) -> Point {
     let longest = LONGEST_LAG_S * LONGEST_LAG_S;
     let sum = if model == LagModel::L { at[0].clamp(1e-4, LONGEST_LAG_S) } else { at[0] };
+    if model == LagModel::DA {
+        return [sum, at[1].clamp(GRID_S, LONGEST_LAG_S), 0.0];
+    }
+    if model == LagModel::D2 {
+        let a1 = at[1].clamp(1e-4, LONGEST_LAG_S);
+        return [sum, a1, at[2].clamp(NEARLY_CRITICAL * a1 * a1, LEAST_DAMPED * a1 * a1)];
+    }
     [sum, at[1].clamp(0.0, longest), at[2].clamp(0.0, longest)]
 }
 
 /// Whether each parameter is free: a square at zero whose gradient points below zero is held there.
 fn free(model: LagModel, at: &Point, normal: &Normal) -> [bool; MOST_CURVED] {
-    let held = |i: usize| i > 0 && model != LagModel::L && at[i] <= 0.0 && normal.gradient[i] <= 0.0;
+    let is_square = |i: usize| i > 0 && !matches!(model, LagModel::L | LagModel::D2 | LagModel::DA);
+    let held = |i: usize| is_square(i) && at[i] <= 0.0 && normal.gradient[i] <= 0.0;
     std::array::from_fn(|i| !held(i))
 }
 
 /// Inverse of the normal equations, slightly damped: two equal lags cannot be separated, but their sum is determined.
-fn covariance(normal: &Normal) -> [[f64; MOST_CURVED]; MOST_CURVED] {
+fn covariance(normal: &Normal) -> Covariance {
     std::array::from_fn(|i| {
         let mut unit = normal.clone();
         unit.gradient = std::array::from_fn(|j| f64::from(u8::from(i == j)));
@@ -368,7 +492,7 @@ fn lag_of(square: f64, variance: f64) -> Uncertain {
 }
 
 /// Standard uncertainty of delay = sum − lag, by the delta method; `None` where the lag is too short for it.
-fn delay_and_lag_error(at: &Point, covariance: &[[f64; MOST_CURVED]; MOST_CURVED]) -> Option<f64> {
+fn delay_and_lag_error(at: &Point, covariance: &Covariance) -> Option<f64> {
     let lag = at[1].sqrt();
     let far_from_none = at[1] > 2.0 * covariance[1][1].max(0.0).sqrt();
     let slope = -0.5 / lag;

@@ -213,7 +213,7 @@ fn model(channel: &ChannelDynamics, model: &ModelFinding) -> Markup {
             }
         }
     };
-    let head = [Text("Candidate"), Number("ΔBIC"), Number("Delay (ms)"), Number("Lags (ms)"), Number("Gain")];
+    let head = [Text("Candidate"), Number("ΔBIC"), Number("Delay (ms)"), Number("Lags or filter (ms)"), Number("Gain")];
     html! {
         p { (shown(&model.text)) }
         p { "Delay and lags together, the group delay at low frequency: " b { (estimate(&verdict::in_millis(&model.sum_s))) " ms" } "." }

@@ -135,6 +135,8 @@ pub(super) fn kind(name: &str) -> Markup {
         "L" => "lag",
         "DL" => "delay and lag",
         "DLL" => "delay and two lags",
+        "D2" => "delay and second-order filter",
+        "DA" => "delay and moving average (half of it)",
         _ => "",
     };
     html! { (shown(name)) @if !words.is_empty() { ", " (words) } }
