@@ -252,6 +252,10 @@ fn covering_its_intervals(mut network: DelayNetwork) -> DelayNetwork {
         if let Some(u) = &mut channel.lateness_s.standard_uncertainty {
             *u = u.max(half_s / NORMAL_95);
         }
+        // The error of a filter against its own IMU is one-sided.
+        if let Some(least_s) = channel.at_least_s.filter(|_| channel.weak) {
+            channel.interval_95_s[0] = channel.interval_95_s[0].max(least_s);
+        }
     }
     network
 }
@@ -446,8 +450,8 @@ fn words(out: &FlightLateness, pair: Option<&PairDelay>, over_time: Option<&Dela
         (None, Side::OnTime) => format!("{position} is on time ({value} ms against {datum})"),
         (None, Side::Early) => format!("{position} is early ({value} ms against {datum})"),
         (None, _) if channel.weak => {
-            let least = 1e3 * channel.at_least_s.unwrap_or(channel.lateness_s.value);
-            format!("{position} is at least {least:.0} ms late against {datum} ({value} ms)")
+            let [low, high] = channel.interval_95_s.map(|s| 1e3 * s);
+            format!("{position} is at least {low:.0} ms late against {datum}, and at most {high:.0} ms")
         }
         (None, _) => format!("{position} is {value} ms late against {datum}"),
     };

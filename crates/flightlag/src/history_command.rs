@@ -117,7 +117,7 @@ fn latency_text(lines: &[LatencyLine]) -> String {
             known(&line.baud),
             line.datum.clone(),
             line.flights.to_string(),
-            with_u(&mean, "s"),
+            if line.differs() { "no common delay".to_owned() } else { with_u(&mean, "s") },
             if line.flights > 1 { millis(line.between_s) } else { "-".to_owned() },
             millis(line.low_s),
             millis(line.high_s),
@@ -126,7 +126,9 @@ fn latency_text(lines: &[LatencyLine]) -> String {
     if table.is_empty() {
         "no flight has a known lateness\n".to_owned()
     } else {
-        format!("± is U (k = 2) of the mean\n{}", table.text())
+        let differ = "no common delay: the flights differ by more than their uncertainties; `trend` shows when\n";
+        let differ = if lines.iter().any(LatencyLine::differs) { differ } else { "" };
+        format!("± is U (k = 2) of the mean\n{differ}{}", table.text())
     }
 }
 

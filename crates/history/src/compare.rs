@@ -213,6 +213,7 @@ fn moved(was: &Row, row: &Row, named: &NamedFlight, causes: &[ChangeCause]) -> V
             (was.error_compensated_m, was.error_compensated_u_m),
             (row.error_compensated_m, row.error_compensated_u_m),
         ),
+        ("removed delay", "s", (was.removed_s, None), (row.removed_s, None)),
     ];
     let wanted = numbers.into_iter().filter(|(quantity, ..)| is_lateness || *quantity != "lateness");
     let one = |(quantity, unit, was, is): (&str, &str, _, _)| {
@@ -458,6 +459,17 @@ mod tests {
             (found.failing[0].words[0].as_str(), found.failing[0].error.as_deref()),
             (NOTHING_REMOVED, Some("no one delay"))
         );
+    }
+
+    /// Former bug: "0 numbers moved" where another pipeline removed 250 ms instead of 599 ms.
+    #[test]
+    fn another_removed_delay_has_moved() {
+        let with = |removed_s| Row { removed_s, ..row("a") };
+        let moved = |was, now| changes(&[with(was)], &[with(now)]).moved;
+        let found = moved(Some(0.5988), Some(0.25));
+        assert_eq!((found.len(), found[0].quantity.as_str(), found[0].sigmas), (1, "removed delay", None));
+        assert_eq!(moved(Some(0.2), Some(0.201)), vec![]);
+        assert_eq!(moved(None, Some(0.25)), vec![], "nothing was removed before: other words say so");
     }
 
     #[test]

@@ -33,10 +33,22 @@ pub struct LatencyLine {
     pub lateness_common_u_s: f64,
     /// Standard deviation between flights in addition to their own uncertainties, s.
     pub between_s: f64,
+    /// Probability that flights with one lateness differ as much as these, odd ones left out; `None` for one flight.
+    /// Below 0.01 the mean describes none of them.
+    pub differ_p: Option<f64>,
     /// Smallest, s.
     pub low_s: f64,
     /// Largest, s.
     pub high_s: f64,
+}
+
+impl LatencyLine {
+    /// Whether the flights have no common lateness.
+    #[must_use]
+    pub fn differs(&self) -> bool {
+        const DIFFER_P: f64 = 0.01;
+        self.differ_p.is_some_and(|p| p < DIFFER_P)
+    }
 }
 
 /// One line for each receiver, firmware, rate, baud and datum. Copies of a flight count once.
@@ -73,6 +85,7 @@ pub fn latency(latest: &[&Brief]) -> Vec<LatencyLine> {
             lateness_u_s: mean.u_of(x.len()),
             lateness_common_u_s: mean.common,
             between_s: mean.between,
+            differ_p: mean.differ_p(&x, &u),
             low_s,
             high_s,
         })
@@ -144,6 +157,9 @@ mod tests {
         assert!((found.lateness_s - 0.41875).abs() < 0.1e-3 && (found.between_s - 0.025).abs() < 0.2e-3, "{found:?}");
         // t = 2.13145 for 16 flights.
         assert!((found.lateness_u_s - 0.5 * 2.131_45 * 0.025 / 4.0).abs() < 0.1e-3, "{found:?}");
+        // Former bug: a mean of two firmwares looked like any other.
+        assert!(found.differ_p.unwrap() < 1e-6, "{found:?}");
+        assert!(line(8, Some(0.0075)).differ_p.unwrap() > 0.99 && line(1, None).differ_p.is_none());
     }
 
     /// One flight known to 1 ms and seven to 20 ms, spread over 0.5 s: the certain one does not decide.

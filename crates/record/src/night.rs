@@ -67,7 +67,8 @@ pub struct MovedNumber {
     /// The flight.
     #[serde(flatten)]
     pub flight: NamedFlight,
-    /// The number that moved: `lateness`, `position minus velocity` or `error after compensation`.
+    /// The number that moved: `lateness`, `position minus velocity`, `error after compensation` or `removed
+    /// delay`.
     pub quantity: String,
     /// Unit of both values: `s` or `m`.
     pub unit: String,

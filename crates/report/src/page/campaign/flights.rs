@@ -168,7 +168,7 @@ fn flight_row(row: &FlightRow, judged: bool, base: &str, scale: Scale, reasons: 
             td { (row.flown_at.as_deref().map_or_else(|| "—".to_owned(), minute)) }
             td.w data-v=(gravity(row).0) { (lateness::result_cell(&row.outcome, row.effect.as_ref())) }
             (lateness_cell(row, scale))
-            (cell(row.delay_s, |s| number::significant(s * 1e3, 4)))
+            (millis_cell(removed(row).as_ref()))
             (lateness::effect_cells(row))
             td.w data-v=(data_rank(row)) { (data_word(row)) }
             @if judged { (criteria::cell(row)) }
@@ -189,6 +189,12 @@ fn flight_row(row: &FlightRow, judged: bool, base: &str, scale: Scale, reasons: 
             td data-v=(row.bytes) { (number::bytes(row.bytes)) }
         }
     }
+}
+
+/// The removed delay with its uncertainty; a stated delay may have none.
+fn removed(row: &FlightRow) -> Option<Estimate> {
+    let standard_uncertainty = row.decision.as_ref().and_then(|decision| decision.standard_uncertainty_s);
+    row.delay_s.map(|value| Estimate { value, standard_uncertainty })
 }
 
 /// Alarms of a flight, except grey ones.
