@@ -12,13 +12,13 @@ use super::fit::estimate;
 use super::local::{LEAST_SAMPLES, Quaternion, quaternion};
 use flight::{Channel, Code, Flight, Notices, Severity, Stamp};
 use record::Estimate;
-use signal::{BlockSums, CumulativeIntegral, least_between};
+use signal::{BlockSums, least_between};
 
 /// Largest lateness that is searched for, s, and the step of the search.
 const FARTHEST_S: f64 = 0.5;
 const STEP_S: f64 = 0.02;
 /// Attitudes that are compared, in the search and for the result.
-const MOST: [usize; 2] = [400, 4000];
+const MOST: [usize; 2] = [300, 2000];
 /// Shortest interval between two attitudes that are compared, s.
 const LEAST_INTERVAL_S: f64 = 0.09;
 /// Largest share of the rotation that the shifted gyro may leave unexplained.
@@ -62,7 +62,10 @@ struct Turns {
     /// Rotation vector of each interval in body axes, rad.
     turns: Vec<[f64; 3]>,
     gyro_t: Vec<f64>,
-    gyro: [Vec<f64>; 3],
+    /// Angular rate, rad/s.
+    gyro: Vec<[f64; 3]>,
+    /// Its integral from the first sample, rad.
+    turned: Vec<[f64; 3]>,
 }
 
 impl Turns {
@@ -79,20 +82,32 @@ impl Turns {
             return None;
         }
         let gyro_stamps = gyro.series.timeline().stamps();
-        let gyro_t = rows.iter().map(|&row| gyro_stamps[row].seconds_since(*origin)).collect();
-        let gyro = AXES.map(|k| rows.iter().map(|&row| gyro.series.component(k)[row]).collect());
-        Some(Turns { spans, turns, gyro_t, gyro })
+        let gyro_t: Vec<f64> = rows.iter().map(|&row| gyro_stamps[row].seconds_since(*origin)).collect();
+        let gyro: Vec<[f64; 3]> = rows.iter().map(|&row| AXES.map(|k| gyro.series.component(k)[row])).collect();
+        let mut sum = [0.0; 3];
+        let mut turned = vec![sum];
+        for (t, v) in gyro_t.windows(2).zip(gyro.windows(2)) {
+            sum = AXES.map(|k| sum[k] + 0.5 * (v[0][k] + v[1][k]) * (t[1] - t[0]));
+            turned.push(sum);
+        }
+        Some(Turns { spans, turns, gyro_t, gyro, turned })
+    }
+
+    /// Integral of the angular rate from the first sample to `t` between the samples, which is linear between them.
+    fn turned_until(&self, t: f64) -> [f64; 3] {
+        let k = self.gyro_t.partition_point(|at| *at <= t).clamp(1, self.gyro_t.len() - 1) - 1;
+        let (d, step) = (t - self.gyro_t[k], self.gyro_t[k + 1] - self.gyro_t[k]);
+        let (a, b) = (self.gyro[k], self.gyro[k + 1]);
+        AXES.map(|axis| self.turned[k][axis] + d * (a[axis] + 0.5 * d * (b[axis] - a[axis]) / step))
     }
 
     fn lateness(&self) -> Option<Estimate> {
-        let integrals = [0, 1, 2].map(|k| CumulativeIntegral::new(&self.gyro_t, &self.gyro[k]));
         let (first, last) = (self.gyro_t[0], *self.gyro_t.last()?);
         let inside = |[from, to]: &[f64; 2]| from - FARTHEST_S > first && to + FARTHEST_S < last;
         let all: Vec<usize> = (0..self.spans.len()).filter(|&k| inside(&self.spans[k])).collect();
         let [few, many] = MOST.map(|most| Compared {
             turns: self,
             rows: all.iter().step_by(all.len().div_ceil(most).max(1)).copied().collect(),
-            integrals: &integrals,
         });
         if many.rows.len() < LEAST_SAMPLES {
             return None;
@@ -149,40 +164,42 @@ fn rotation_vector(a: Quaternion, b: Quaternion) -> [f64; 3] {
 struct Compared<'a> {
     turns: &'a Turns,
     rows: Vec<usize>,
-    integrals: &'a [CumulativeIntegral<'a>; 3],
 }
 
 impl Compared<'_> {
-    /// Rotation less that of the gyro, and the latter, each without a constant rate.
-    fn residuals(&self, late_s: f64, axis: usize) -> (Vec<f64>, Vec<f64>) {
-        let span = |row: &usize| self.turns.spans[*row].map(|t| t - late_s);
-        let by_gyro = |row: &usize| span(row).map(|t| self.integrals[axis].at(t));
-        let turned: Vec<f64> = self.rows.iter().map(by_gyro).map(|[from, to]| to - from).collect();
-        let left: Vec<f64> =
-            self.rows.iter().zip(&turned).map(|(&k, by_gyro)| self.turns.turns[k][axis] - by_gyro).collect();
-        let long: Vec<f64> = self.rows.iter().map(|&k| self.turns.spans[k][1] - self.turns.spans[k][0]).collect();
-        (without_rate(left, &long), without_rate(turned, &long))
+    /// Rotation less that of the gyro, and the latter, each without a constant rate, for each axis.
+    fn residuals(&self, late_s: f64) -> [(Vec<f64>, Vec<f64>); 3] {
+        let span = |row: &usize| self.turns.spans[*row];
+        let by_gyro = |row: &usize| {
+            let [from, to] = span(row).map(|t| self.turns.turned_until(t - late_s));
+            AXES.map(|k| to[k] - from[k])
+        };
+        let turned: Vec<[f64; 3]> = self.rows.iter().map(by_gyro).collect();
+        let long: Vec<f64> = self.rows.iter().map(span).map(|[from, to]| to - from).collect();
+        AXES.map(|axis| {
+            let turned: Vec<f64> = turned.iter().map(|turned| turned[axis]).collect();
+            let left = self.rows.iter().zip(&turned).map(|(&k, by_gyro)| self.turns.turns[k][axis] - by_gyro).collect();
+            (without_rate(left, &long), without_rate(turned, &long))
+        })
     }
 
     /// Sum of squares that a gyro earlier by `late_s` leaves, and that of its own rotation, rad².
     fn unexplained(&self, late_s: f64) -> (f64, f64) {
-        let of = |axis: usize| {
-            let (left, turned) = self.residuals(late_s, axis);
-            (signal::sum_of_squares(&left), signal::sum_of_squares(&turned))
-        };
-        AXES.map(of).into_iter().fold((0.0, 0.0), |sum, axis| (sum.0 + axis.0, sum.1 + axis.1))
+        let squares = self.residuals(late_s).map(|(left, turned)| [left, turned].map(|y| signal::sum_of_squares(&y)));
+        squares.into_iter().fold((0.0, 0.0), |sum, [left, turned]| (sum.0 + left, sum.1 + turned))
     }
 
     /// Standard uncertainty from blocks of the record, s, so that residuals may be correlated.
     fn uncertainty(&self, late_s: f64) -> Option<f64> {
         const BESIDE_S: f64 = 1e-3;
-        let of = |axis: usize| {
-            let [before, at, after] = [-BESIDE_S, 0.0, BESIDE_S].map(|by| self.residuals(late_s + by, axis).0);
-            let slope = move |k: usize| (after[k] - before[k]) / (2.0 * BESIDE_S);
-            (0..at.len()).map(move |k| (slope(k) * at[k], slope(k).powi(2))).collect::<Vec<_>>()
+        let [before, at, after] = [-BESIDE_S, 0.0, BESIDE_S].map(|by| self.residuals(late_s + by));
+        let row = |k: usize| {
+            let of = |axis: usize| {
+                let slope = (after[axis].0[k] - before[axis].0[k]) / (2.0 * BESIDE_S);
+                [slope * at[axis].0[k], slope * slope]
+            };
+            AXES.map(of).into_iter().fold([0.0, 0.0], |sum, axis| [sum[0] + axis[0], sum[1] + axis[1]])
         };
-        let axes = AXES.map(of);
-        let row = |k: usize| axes.iter().fold([0.0, 0.0], |sum, axis| [sum[0] + axis[k].0, sum[1] + axis[k].1]);
         let sums = BlockSums::of(self.rows.len(), (0..self.rows.len()).map(row));
         sums.estimate(|[score, information]| score / information)?.standard_uncertainty
     }
