@@ -253,17 +253,22 @@ fn answer(page: &CardPage, channels: &[Channel]) -> Markup {
 
 fn displaced(channel: &CardChannel) -> Markup {
     let (word, sign) = if channel.verdict == Verdict::Early { ("early", -1.0) } else { ("late", 1.0) };
+    let slow = channel.slow_motion_delay_s.filter(|_| channel.has_lag() && channel.verdict == Verdict::Delayed);
     html! {
         p.answer {
             @if channel.is_in_doubt() { (in_doubt()) " " }
             b {
-                code { (shown(&channel.name)) } " is " (word) " by " (estimate(&number::scaled(&delay_ms(channel), sign)))
-                "\u{a0}ms, " (time_base(&channel.basis))
+                code { (shown(&channel.name)) } " is " (word) " by "
+                @match slow {
+                    Some(slow) => { (in_ms(slow, channel.slow_motion_standard_uncertainty_s)) "\u{a0}ms in slow motion, " }
+                    None => { (estimate(&number::scaled(&delay_ms(channel), sign))) "\u{a0}ms, " }
+                }
+                (time_base(&channel.basis))
             }
             " (k = 2)"
-            @if let Some(slow) = channel.slow_motion_delay_s.filter(|_| channel.has_lag()) {
-                ", as the pure delay that fits the bench's swing best. It is a lag (" (shown(&channel.model)) "): slow motion is "
-                b { (in_ms(slow, channel.slow_motion_standard_uncertainty_s)) " ms" } " late"
+            @if slow.is_some() {
+                ". It is a lag (" (shown(&channel.model)) "): the pure delay that fits the bench's swing best is "
+                (estimate(&delay_ms(channel))) "\u{a0}ms"
             }
             ", from " (number::counted(channel.records, "record", "records"))
             @if !channel.outliers.is_empty() {

@@ -168,6 +168,7 @@ fn agreement(group: &GroupLateness, rows: &[&FlightRow]) -> Markup {
             }
             @if !outliers.is_empty() { "; " (badge("unsure", "!", "differs")) " " (names(&outliers)) @if group.lateness_s.is_some() { ", not in the mean" } }
             "."
+            @if group.lateness_s.is_some() && 2 * outliers.len() > rows.len() { " Do not use one delay for all." }
         }
     }
 }
