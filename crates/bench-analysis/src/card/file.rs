@@ -30,9 +30,9 @@ const CHANNEL: &str = "\
 # One entry for each channel. `verdict` is delayed, early, equivalent-to-zero, inconclusive or not-measurable.
 # `basis` says what the delay is measured against: one clock for all, a pulse per second, or an anchor channel.
 # `gain` is the mean of the components that the swing moves. Where `lags_s` is not empty, it holds for the bench's swing
-# only: the gain of a lag depends on the frequency. `slow_motion_delay_s` is delay and lags together. `contradicted` says
-# why the delay is in doubt, such as a record that contradicts its rig file: do not use the channel until the cause is
-# found.
+# only: the gain of a lag depends on the frequency. `slow_motion_delay_s` is delay and lags together: a campaign removes
+# it. `contradicted` says why the delay is in doubt, such as a record that contradicts its rig file: do not use the
+# channel until the cause is found.
 ";
 const RECORD: &str = "\
 # The records that were measured for this card; `records` of a channel says how many of them are in its mean.

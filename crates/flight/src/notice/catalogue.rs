@@ -340,8 +340,8 @@ catalogue! {
                  the least transport latency.",
                 "Tie the clocks on the bench, for example with a pulse per second.";
             CardResidual, "card-residual", [Warning, Info],
-                "An error remains after the delay on the card is removed: a lag makes slow motion later, or the \
-                 velocity itself is late.",
+                "An error remains after the delay on the card is removed. Of a lag, the lateness of slow motion is removed, and \
+                 fast motion has another. Or the velocity itself is late.",
                 "Nothing, if the error is small enough: the text gives its size or its cause.";
         }
         "Bench" {

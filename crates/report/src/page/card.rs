@@ -476,10 +476,10 @@ fn snippet(page: &CardPage, channels: &[Channel]) -> Markup {
         }
         @if let Some((position, slow)) = position.filter(|p| p.has_lag()).and_then(|p| Some((p, p.slow_motion_delay_s?))) {
             p {
-                (badge("unsure", "!", "A lag")) " A pipeline removes the pure delay, " (estimate(&delay_ms(position))) " ms. "
-                code { (shown(&position.name)) } " is a lag: slow motion is "
-                (in_ms(slow, position.slow_motion_standard_uncertainty_s))
-                " ms late, so a part of its lateness remains."
+                (badge("unsure", "!", "A lag")) " A pipeline removes the lateness of slow motion, "
+                (in_ms(slow, position.slow_motion_standard_uncertainty_s)) " ms. "
+                code { (shown(&position.name)) } " is a lag: motion as fast as the bench's swing is "
+                (estimate(&delay_ms(position))) " ms late, and smaller than it was."
             }
         }
         @match (position, page.card_file) {
@@ -504,10 +504,11 @@ fn snippet(page: &CardPage, channels: &[Channel]) -> Markup {
 
 /// The delay as a stand-alone number.
 fn fixed_delay(position: &CardChannel, card: &SensorCard) -> String {
+    let late_s = position.lateness_in_flight_s();
     format!(
         "[delay]\nfrom = \"fixed\"\nposition_s = {:.6}\nstandard_uncertainty_s = {:.6}\nsource = {}\n",
-        position.delay_s,
-        position.delay_standard_uncertainty_s,
+        late_s.value,
+        late_s.standard_uncertainty.unwrap_or_default(),
         toml_text(&format!("bench, {}", sensor_name(&card.sensor)))
     )
 }
