@@ -179,7 +179,7 @@ impl<'a> Reading<'a> {
         self.card.channels.iter().find(is_measured)
     }
 
-    /// Warns of a lag that is removed as a delay: the number is right for slow motion, and fast motion is less late.
+    /// Warns of a lag that is removed as a delay: the number is right for slow motion, and fast motion has another.
     fn warn_of_lag(&mut self, on_card: &CardChannel) {
         if on_card.lags_s.iter().all(|lag| *lag <= 0.0) {
             return;
@@ -187,7 +187,7 @@ impl<'a> Reading<'a> {
         let fast = format!("the pure delay that fits the swing on the bench best, {:.1} ms", 1e3 * on_card.delay_s);
         let removed_s = on_card.lateness_in_flight_s().value;
         let what = match removed_s == on_card.delay_s {
-            true => format!("{fast}; slower motion is later than that"),
+            true => format!("{fast}; the card does not state how late slow motion is"),
             false => format!(
                 "the lateness of slow motion, {:.1} ms; motion as fast as the swing has {fast}",
                 1e3 * removed_s

@@ -182,7 +182,7 @@ fn of_a_lag_the_lateness_of_slow_motion_is_removed_with_a_warning() {
     // A card that does not state it.
     card.channels[0] = lagged;
     let (delay_s, _, text) = found(&card);
-    assert!(delay_s == 0.4 && text.ends_with("400.0 ms; slower motion is later than that"), "{text}");
+    assert!(delay_s == 0.4 && text.ends_with("400.0 ms; the card does not state how late slow motion is"), "{text}");
 }
 
 #[test]

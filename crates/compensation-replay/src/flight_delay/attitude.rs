@@ -4,7 +4,7 @@
 //! accelerometer rotated with a late attitude makes a velocity look early, by up to the same amount in a hover.
 //!
 //! No attitude is known before it happens. If it is earlier than the gyro, then gyro and accelerometer are late, as
-//! behind a low-pass filter: 11.3 ms for two poles at 20 Hz. In nine simulated flights of ArduPilot the attitude is 10.8
+//! behind a low-pass filter: 11.3 ms for two poles at 20 Hz. In eight simulated flights of ArduPilot the attitude is 10.8
 //! to 11.3 ms early. With this correction the velocity is as late against the IMU as against the truth of the log, and
 //! the standard uncertainty is less than half.
 
