@@ -167,7 +167,7 @@ fn flights_text(flights: &[DelayLine], most: usize) -> String {
         let relative = expanded_ms(line.position_minus_velocity_s, line.position_minus_velocity_u_s);
         table.row(vec![
             line.flight.clone(),
-            expanded_ms(line.lateness_s, line.lateness_u_s),
+            lateness_ms(line),
             line.datum.clone(),
             line.kind.clone(),
             relative,
@@ -237,13 +237,23 @@ fn position_minus_velocity(line: &DelayLine) -> String {
 }
 
 fn lateness(line: &DelayLine) -> String {
-    let value = expanded_ms(line.lateness_s, line.lateness_u_s);
+    let value = lateness_ms(line);
     if value.is_empty() { value } else { format!("{value} ms, {}", record::counted_from(&line.datum)) }
 }
 
 fn interval(line: &DelayLine) -> String {
     let ends = line.lateness_low_s.zip(line.lateness_high_s);
     ends.map_or_else(String::new, |(low, high)| format!("{} to {} ms", fixed(1e3 * low, 1), fixed(1e3 * high, 1)))
+}
+
+/// `203 ± 16`, or `395 to 518` where the interval is one-sided, ms.
+fn lateness_ms(line: &DelayLine) -> String {
+    match (line.lateness_s, line.lateness_low_s, line.lateness_high_s) {
+        (Some(value), Some(low), Some(high)) if record::is_one_sided(value, [low, high]) => {
+            format!("{} to {}", fixed(1e3 * low, 0), fixed(1e3 * high, 0))
+        }
+        (value, ..) => expanded_ms(value, line.lateness_u_s),
+    }
 }
 
 /// `203 ± 16`: value and expanded uncertainty (k = 2), ms.
@@ -370,6 +380,14 @@ mod tests {
     fn rows(text: &str) -> Vec<(&str, &str)> {
         let rows = text.lines().skip(1).map(|line| line.split_at(24));
         rows.map(|(name, value)| (name.trim(), value)).collect()
+    }
+
+    /// Former bug: "399 ± 122 ms" beside "at least 395 ms late".
+    #[test]
+    fn a_one_sided_lateness_is_its_interval() {
+        let with = |low, high| DelayLine { lateness_low_s: Some(low), lateness_high_s: Some(high), ..late("a.bin") };
+        assert_eq!(lateness_ms(&with(0.2, 0.32)), "200 to 320");
+        assert_eq!(lateness_ms(&with(0.187, 0.219)), "203 ± 16");
     }
 
     #[test]

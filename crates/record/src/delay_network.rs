@@ -111,6 +111,13 @@ pub struct DelayNetwork {
     pub unused_pairs: Vec<UnusedPair>,
 }
 
+/// Whether an interval begins near its number, so that number ± U is not the interval: that of a filter against its own
+/// IMU.
+#[must_use]
+pub fn is_one_sided(value: f64, [low, high]: [f64; 2]) -> bool {
+    value - low < 0.5 * (high - value)
+}
+
 impl DelayNetwork {
     /// Lateness of the named channel.
     #[must_use]

@@ -54,7 +54,7 @@ pub use crate::criteria::{
 };
 pub use crate::delay_network::{
     ChannelLateness, DelayNetwork, DelayPool, EffectKind, EffectName, FlightsDiffer, GroupSplit, NetworkDatum,
-    NetworkEffect, NetworkVerdict, PoolMean, PoolMember, RemovedDelay, UnusedPair, UsedPair,
+    NetworkEffect, NetworkVerdict, PoolMean, PoolMember, RemovedDelay, UnusedPair, UsedPair, is_one_sided,
 };
 pub use crate::delay_over_time::{
     Burst, Constancy, CurvePoint, DelayJitter, DelayKind, DelayOverTime, DelayTerm, DelayTermKind, LateFix,

@@ -228,7 +228,20 @@ fn lateness_cell(row: &FlightRow, scale: Scale) -> Markup {
     let place = |at: f64| if share(at).is_finite() { 100.0 * share(at).clamp(0.0, 1.0) } else { 0.0 };
     let (from, to) = (place(late.value - half), place(late.value + half));
     let style = format!("--a:{from:.0}%;--b:{:.0}%", to.max(from + 2.0));
-    html! { td.range style=(style) data-v=(late.value) data-u=[expanded(&late)] { (number::with_uncertainty(&in_millis(&late))) } }
+    html! { td.range style=(style) data-v=(late.value) data-u=[expanded(&late)] { (lateness_text(row, &late)) } }
+}
+
+/// The number with U, or the interval where it is one-sided.
+fn lateness_text(row: &FlightRow, late: &Estimate) -> String {
+    let channel = row
+        .lateness
+        .as_ref()
+        .and_then(|l| l.lateness.as_ref())
+        .filter(|channel| record::is_one_sided(channel.lateness_s.value, channel.interval_95_s));
+    match channel.map(|channel| channel.interval_95_s.map(|s| number::fixed(1e3 * s, 0))) {
+        Some([low, high]) => format!("{low} to {high}"),
+        None => number::with_uncertainty(&in_millis(late)),
+    }
 }
 
 /// A link to the flight's page. The name is isolated for bidirectional text. `base` leads to the campaign's folder.
