@@ -229,16 +229,16 @@ fn contradicts_reference(network: &DelayNetwork) -> Option<String> {
     let measures = |c: &&ChannelLateness| !c.derived && !c.channel.starts_with("position");
     let is_early = |c: &&ChannelLateness| c.datum == NetworkDatum::Reference && c.interval_95_s[1] < -EARLY_S;
     let early = network.channels.iter().filter(measures).filter(is_early);
-    let words: Vec<String> = early
+    let words: Vec<(&str, String)> = early
         .map(|c| {
             let early = Estimate { value: -c.lateness_s.value, ..c.lateness_s };
-            format!("{} would be {} ms", c.channel, crate::delay::in_ms(&early))
+            (c.channel.as_str(), crate::delay::in_ms(&early))
         })
         .collect();
-    let first = words.first()?;
-    let more = if words.len() > 1 { format!(" ({} more)", words.len() - 1) } else { String::new() };
+    let (first, early_ms) = words.first()?;
+    let more = if words.len() > 1 { format!(" ({} more are early, too)", words.len() - 1) } else { String::new() };
     Some(format!(
-        "{first}{more} earlier than the reference, and nothing is measured before it happens: the clock of the reference, or \
+        "{first} would be {early_ms} ms earlier than the reference{more}, and nothing is measured before it happens: the clock of the reference, or \
          of the log, is off. The reference is not used as the zero, and does not judge the removal"
     ))
 }

@@ -211,10 +211,12 @@ impl DelayLine {
         line
     }
 
-    /// Whether a requested reference file was unusable.
+    /// Whether a requested reference file was unusable, or was not used because the log contradicts its clock.
     #[must_use]
     pub fn lacks_reference(&self) -> bool {
-        self.alarms.iter().any(|alarm| alarm.code == flight::Alarm::ReferenceNotUsed)
+        use flight::Alarm;
+        let has = |wanted: Alarm| self.alarms.iter().any(|alarm| alarm.code == wanted);
+        has(Alarm::ReferenceNotUsed) || (has(Alarm::ReferenceContradicted) && self.datum != "reference")
     }
 
     /// Whether a change of the delay was detected.

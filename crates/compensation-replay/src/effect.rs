@@ -29,7 +29,7 @@ pub struct KnownLateness {
     pub judged_by: JudgedBy,
     /// Scatter of the lateness from fix to fix, standard deviation, s: it remains after removing one delay.
     pub jitter_s: f64,
-    /// Lateness of the velocity that compensates, if known.
+    /// Lateness of the velocity that compensates, s, positive if late; `None` if unknown.
     pub velocity_late_s: Option<Estimate>,
 }
 

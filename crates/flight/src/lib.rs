@@ -15,6 +15,7 @@
 //! ```
 
 mod about;
+mod attitude;
 mod channel;
 mod distribution;
 mod geodesy;
@@ -27,6 +28,7 @@ mod time;
 mod unit;
 
 pub use about::{About, ConfiguredDelay, LeverArm, ModeStart, ReceiverIdentity};
+pub use attitude::rotation_vector;
 pub use channel::{Channel, ChannelSource, Flight, Quantity};
 pub use distribution::Distribution;
 pub use geodesy::{Ecef, Geodetic, LocalFrame, WGS84_A, WGS84_E2, WGS84_F};

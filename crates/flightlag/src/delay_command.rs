@@ -382,6 +382,18 @@ mod tests {
         rows.map(|(name, value)| (name.trim(), value)).collect()
     }
 
+    /// Former bug: exit code 0 beside "the reference is not used as the zero".
+    #[test]
+    fn a_contradicted_reference_counts_as_unusable_unless_it_is_still_the_zero() {
+        let alarm = LineAlarm {
+            gravity: "amber".to_owned(),
+            code: flight::Alarm::ReferenceContradicted.name().to_owned(),
+            text: "velocity.gps would be early".to_owned(),
+        };
+        let with = |datum: &str| DelayLine { datum: datum.to_owned(), alarms: vec![alarm.clone()], ..late("a.bin") };
+        assert!(with("relative to velocity.gps").lacks_reference() && !with("reference").lacks_reference());
+    }
+
     /// Former bug: "399 ± 122 ms" beside "at least 395 ms late".
     #[test]
     fn a_one_sided_lateness_is_its_interval() {

@@ -9,8 +9,8 @@
 //! the standard uncertainty is less than half.
 
 use super::fit::estimate;
-use super::local::{LEAST_SAMPLES, Quaternion, quaternion};
-use flight::{Channel, Code, Flight, Notices, Severity, Stamp};
+use super::local::{LEAST_SAMPLES, quaternion};
+use flight::{Channel, Code, Flight, Notices, Severity, Stamp, rotation_vector};
 use record::Estimate;
 use signal::{BlockSums, least_between};
 
@@ -142,22 +142,6 @@ fn rotations(attitude: &Channel, origin: Stamp) -> (Vec<[f64; 2]>, Vec<[f64; 3]>
     usable
         .map(|w| ([w[0].1, w[1].1], rotation_vector(quaternion(attitude, w[0].0), quaternion(attitude, w[1].0))))
         .unzip()
-}
-
-/// Rotation vector from `a` to `b` in the axes of `a`, rad: 2 ln(a⁻¹ b).
-fn rotation_vector(a: Quaternion, b: Quaternion) -> [f64; 3] {
-    let [aw, ax, ay, az] = a;
-    let [bw, bx, by, bz] = b;
-    let w = aw * bw + ax * bx + ay * by + az * bz;
-    let v = [
-        aw * bx - ax * bw - ay * bz + az * by,
-        aw * by - ay * bw - az * bx + ax * bz,
-        aw * bz - az * bw - ax * by + ay * bx,
-    ];
-    let length = v.iter().map(|x| x * x).sum::<f64>().sqrt();
-    let half = length.atan2(w.abs());
-    let factor = if length > 0.0 { 2.0 * half / length } else { 0.0 };
-    v.map(|x| w.signum() * factor * x)
 }
 
 /// Some of the intervals, with the gyro.

@@ -263,7 +263,7 @@ fn rotated(
     (Horizontal { t, axes: [north, east] }, [[a, b], [c, d], [e, f]])
 }
 
-pub(crate) type Quaternion = [f64; 4];
+type Quaternion = [f64; 4];
 
 pub(crate) fn quaternion(channel: &Channel, row: usize) -> Quaternion {
     [0, 1, 2, 3].map(|k| channel.series.component(k)[row])

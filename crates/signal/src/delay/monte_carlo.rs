@@ -6,7 +6,7 @@
 //! 1/√M. The large study is `examples/delay_study.rs`.
 
 use super::*;
-use crate::{CubicSpline, LagModel, LaggedReference, choose_lag_model};
+use crate::{CubicSpline, LagChoice, LagModel, LaggedReference, choose_lag_model};
 use rand::{RngExt, SeedableRng};
 use rand_distr::StandardNormal;
 use rand_pcg::Pcg64;
@@ -186,6 +186,14 @@ fn intervals_cover_the_truth_with_jittering_latency() {
         .keeps_its_promise(0.92);
 }
 
+/// The choice for `y` at `t`, with a free gain.
+fn chosen((t, y): (&[f64], &[f64]), reference: &dyn Reference) -> LagChoice {
+    let gain = Gain::Free { sign: Sign::Positive };
+    let m = [Measurement { t, y, reference, gain, drift: false }];
+    let fit = fit_delay(&m, &DelaySettings::default()).unwrap();
+    choose_lag_model(&m, &fit, &DelaySettings::default())
+}
+
 /// Delay, lags and their name, for cases that design note 3.6 calls distinguishable; 10 Hz, 0.03 m.
 #[test]
 fn delay_lag_and_both_are_distinguished_where_possible() {
@@ -199,10 +207,7 @@ fn delay_lag_and_both_are_distinguished_where_possible() {
             let t: Vec<f64> = (0..600).map(|k| 5.0 + 0.1 * f64::from(k)).collect();
             let mut noise = || 0.03 * rng.sample::<f64, _>(StandardNormal);
             let y: Vec<f64> = t.iter().map(|t| slow.value_and_rate(t - delay).0 + noise()).collect();
-            let gain = Gain::Free { sign: Sign::Positive };
-            let m = [Measurement { t: &t, y: &y, reference: &reference, gain, drift: false }];
-            let fit = fit_delay(&m, &DelaySettings::default()).unwrap();
-            let choice = choose_lag_model(&m, &fit, &DelaySettings::default());
+            let choice = chosen((&t, &y), &reference);
             right += u32::from(choice.chosen == Some(name));
             let truth = choice.candidates.iter().find(|c| c.model == name).unwrap();
             let error = truth.sum_s.value - (delay + lag);
@@ -218,7 +223,7 @@ fn delay_lag_and_both_are_distinguished_where_possible() {
 #[test]
 fn filters_and_moving_averages_show_how_late_slow_motion_is() {
     const DELAY_S: f64 = 0.03;
-    let cut_s = 1.0 / (std::f64::consts::TAU * 2.0);
+    let cut_s = 1.0 / (TAU * 2.0);
     let [a1, a2] = [2_f64.sqrt() * cut_s, cut_s * cut_s];
     for (model, late_s) in [(LagModel::D2, DELAY_S + a1), (LagModel::DA, DELAY_S + 0.1)] {
         let (mut right, mut covered) = (0, 0);
@@ -235,10 +240,7 @@ fn filters_and_moving_averages_show_how_late_slow_motion_is() {
             let t: Vec<f64> = (0..3000).map(|k| 5.0 + 0.02 * f64::from(k)).collect();
             let mut noise = || 0.01 * rng.sample::<f64, _>(StandardNormal);
             let y: Vec<f64> = t.iter().map(|t| slow.value_and_rate(t - shift_s).0 + noise()).collect();
-            let gain = Gain::Free { sign: Sign::Positive };
-            let m = [Measurement { t: &t, y: &y, reference: &reference, gain, drift: false }];
-            let fit = fit_delay(&m, &DelaySettings::default()).unwrap();
-            let choice = choose_lag_model(&m, &fit, &DelaySettings::default());
+            let choice = chosen((&t, &y), &reference);
             right += u32::from(choice.chosen == Some(model));
             let found = &choice.candidates[0];
             covered += u32::from((found.sum_s.value - late_s).abs() < 1.96 * found.sum_s.standard_uncertainty);
@@ -261,10 +263,7 @@ fn an_indistinguishable_delay_and_lag_are_left_undecided() {
         let t: Vec<f64> = (0..240).map(|k| 5.0 + 0.25 * f64::from(k)).collect();
         let mut noise = || 0.1 * rng.sample::<f64, _>(StandardNormal);
         let y: Vec<f64> = t.iter().map(|t| slow.value_and_rate(t - 0.3).0 + noise()).collect();
-        let gain = Gain::Free { sign: Sign::Positive };
-        let m = [Measurement { t: &t, y: &y, reference: &reference, gain, drift: false }];
-        let fit = fit_delay(&m, &DelaySettings::default()).unwrap();
-        let choice = choose_lag_model(&m, &fit, &DelaySettings::default());
+        let choice = chosen((&t, &y), &reference);
         wrong += u32::from(!matches!(choice.chosen, None | Some(LagModel::DL)));
         if choice.chosen.is_none() {
             assert!(choice.rival.is_some_and(|(_, excess)| excess < 6.0));

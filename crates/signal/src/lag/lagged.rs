@@ -25,7 +25,7 @@ impl LaggedReference {
         Some(lags_s.iter().fold(plain, |r, lag_s| r.after(*lag_s)))
     }
 
-    /// `reference` after the low-pass filter `1/(1 + a₁s + a₂s²)` whose poles are complex (`a₁ > 0`, `4a₂ > a₁²`), on such a
+    /// `reference` after the low-pass filter `1/(1 + a₁s + a₂s²)` (s and s²) whose poles are complex (`4a₂ > a₁² > 0`), on such a
     /// grid. `None` if the reference has no duration.
     #[must_use]
     pub fn second_order(reference: &dyn Reference, [a1, a2]: [f64; 2], step_s: f64) -> Option<LaggedReference> {

@@ -114,7 +114,8 @@ fn windows(rates: &Trace<3>, rotation: &Rotation, late_s: f64) -> Vec<([f64; 3],
         let Some(from) = attitude.times_s.get(begin).copied().filter(|from| t - from >= WINDOW_S - 1e-9) else {
             continue;
         };
-        let turn = attitude.values.get(begin).zip(attitude.values.get(end)).map(|(a, b)| between(*a, *b));
+        let turn =
+            attitude.values.get(begin).zip(attitude.values.get(end)).map(|(a, b)| flight::rotation_vector(*a, *b));
         let measured = integral.of(from - late_s).zip(integral.of(t - late_s)).filter(|((_, a), (_, b))| a == b);
         if let (Some(turn), Some(((a, _), (b, _))), true) = (turn, measured, t - from <= HOLE_S) {
             let length_s = t - from;
@@ -126,18 +127,4 @@ fn windows(rates: &Trace<3>, rotation: &Rotation, late_s: f64) -> Vec<([f64; 3],
         begin = end;
     }
     pairs
-}
-
-/// The rotation from one attitude to another about forward, right and down, rad.
-fn between([aw, ax, ay, az]: [f64; 4], [bw, bx, by, bz]: [f64; 4]) -> [f64; 3] {
-    let w = aw * bw + ax * bx + ay * by + az * bz;
-    let vector = [
-        aw * bx - ax * bw - ay * bz + az * by,
-        aw * by - ay * bw - az * bx + ax * bz,
-        aw * bz - az * bw - ax * by + ay * bx,
-    ];
-    let sine = vector.iter().map(|v| v * v).sum::<f64>().sqrt();
-    let half = sine.atan2(w.abs());
-    let factor = if sine > 0.0 { 2.0 * half / sine } else { 2.0 };
-    vector.map(|v| v * factor * w.signum())
 }
