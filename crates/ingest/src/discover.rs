@@ -1,8 +1,7 @@
 //! Finds the flights below a folder.
 
-use crate::error::IngestError;
-use crate::map::MapLibrary;
 use crate::platform::{FileIdentity, identity};
+use binding::{IngestError, MapLibrary};
 use formats::bag_folder::{self, Metadata};
 use formats::sniff::{self, Content};
 use formats::{

@@ -5,26 +5,20 @@
 
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 
-mod bind;
 mod companion;
-mod definitions;
 mod discover;
-mod error;
-mod filler;
-mod guess;
 mod load;
-mod map;
 mod platform;
 
-pub use bind::{RowTimes, TableTimes, bind, row_times};
+#[cfg(feature = "schema")]
+pub use binding::channel_map_schema;
+pub use binding::{
+    ChannelMap, EXAMPLE_MAP, IngestError, MapLibrary, MapSelect, RowTimes, SelectAll, TableTimes, bind, row_times,
+};
 pub use discover::{Discovery, discover};
-pub use error::IngestError;
 pub use formats::{
     Column, ColumnData, Extra, FieldRequest, FlightUnit, LeftOut, Limits, Log, LogError, LogKind, MessageSink,
     OriginalLog, OriginalTopic, PAYLOAD_HEX, Places, RawMessage, ReadContext, Restart, ScanError, Select, Selection,
     StatedUnit, Table, TableHead, Texts, TopicInfo, ValueKind, Values, inert, read, read_files, stamps,
 };
 pub use load::{Loaded, load, load_orientations, suggest};
-pub use map::{ChannelMap, EXAMPLE_MAP, MapLibrary, MapSelect, SelectAll};
-#[cfg(feature = "schema")]
-pub use map_file::channel_map_schema;

@@ -1,13 +1,11 @@
 //! From the files of a flight to the flight.
 
-use crate::bind::bind;
 use crate::companion::companion;
-use crate::error::IngestError;
-use crate::guess::{self, Guess};
-use crate::map::{ChannelMap, MapLibrary, MapSelect, is_shipped};
 use crate::platform::{FileIdentity, identity};
+use binding::{ChannelMap, IngestError, MapLibrary, MapSelect, bind, is_shipped};
 use flight::{Binding, Code, Flight, LogHealth, Quantity};
 use formats::{FlightUnit, Log, LogError, LogKind, ReadContext, Selection, TableHead, TopicInfo, file_name, read};
+use guess::Guess;
 use logscan::ScanError;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;

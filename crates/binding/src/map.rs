@@ -23,7 +23,7 @@ pub const EXAMPLE_MAP: &str = pipelines::EXAMPLE_MAP;
 const SHIPPED: &[(&str, &str)] = pipelines::CHANNEL_MAPS;
 
 /// Whether a map of this name is built into flightlag.
-pub(crate) fn is_shipped(name: &str) -> bool {
+pub fn is_shipped(name: &str) -> bool {
     SHIPPED.iter().any(|(file, _)| Path::new(file).file_stem().is_some_and(|stem| stem == name) || *file == name)
 }
 
@@ -44,7 +44,7 @@ pub struct ChannelMap {
     /// Channels that a log of its kind need not have.
     pub(crate) optional: Vec<String>,
     /// Whether it is built into flightlag.
-    pub(crate) shipped: bool,
+    pub shipped: bool,
     text: String,
 }
 
@@ -165,7 +165,7 @@ pub(crate) enum Combine {
 
 /// The two frames of an attitude. All others are converted to the first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum AttitudeFrame {
+pub enum AttitudeFrame {
     /// Forward, right, down to north, east, down.
     FrdNed,
     /// Forward, left, up to east, north, up.
@@ -594,7 +594,7 @@ impl MapLibrary {
 
     /// The prefix before the topic name in the stem of a file with one topic of a flight. `None` if no map names such a
     /// topic; `sensed` includes bench topics.
-    pub(crate) fn flight_prefix<'a>(&self, stem: &'a str, sensed: bool) -> Option<&'a str> {
+    pub fn flight_prefix<'a>(&self, stem: &'a str, sensed: bool) -> Option<&'a str> {
         let rules = self.maps.iter().flat_map(|m| &m.rules).filter(|r| sensed || !BENCH_ALONE.contains(&r.quantity));
         let front =
             rules.flat_map(|r| &r.topics).filter_map(|p| stem_matches(stem, p)).map(|(_, _, front)| front).min()?;
@@ -611,7 +611,7 @@ pub struct MapSelect<'a> {
 
 impl<'a> MapSelect<'a> {
     /// The fields that one map wants.
-    pub(crate) fn of(map: &'a ChannelMap) -> MapSelect<'a> {
+    pub fn of(map: &'a ChannelMap) -> MapSelect<'a> {
         static NONE: std::sync::OnceLock<Definitions> = std::sync::OnceLock::new();
         MapSelect { maps: vec![map], definitions: NONE.get_or_init(Definitions::default) }
     }

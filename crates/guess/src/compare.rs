@@ -4,7 +4,7 @@ use super::column_groups::{Position, Velocity, names_axes};
 use super::names::{Axis, Named, Role};
 use super::time_columns::Timing;
 use super::windows::{Match, Trace, Windows};
-use crate::filler::is_all_nines;
+use binding::is_all_nines;
 use flight::{Dimension, Geodetic, LocalFrame, Unit};
 use formats::{Column, Table};
 

@@ -1,7 +1,7 @@
 //! Numbers that loggers write in place of a missing value.
 
 /// Whether a number is nothing but nines, at least three, such as -9999 and 999999.
-pub(crate) fn is_all_nines(value: f64) -> bool {
+pub fn is_all_nines(value: f64) -> bool {
     const MOST: f64 = 1e12;
     let size = value.abs();
     if !(999.0..MOST).contains(&size) || size.fract() != 0.0 {

@@ -22,7 +22,7 @@ mod times;
 mod trial;
 mod wraps;
 
-pub(crate) use self::attitude::from_euler;
+pub use self::attitude::from_euler;
 pub use self::times::{RowTimes, TableTimes, row_times};
 
 use self::bound_rows::{bind_rows, take_rows};
@@ -32,7 +32,7 @@ use self::restarts::Joined;
 use self::stamp_columns::{Tied, tie_of};
 use self::trial::Trial;
 use crate::error::IngestError;
-use crate::map::{BENCH_ALONE, ChannelMap, MapLibrary, TimeSource};
+use crate::map::{BENCH_ALONE, ChannelMap, MapLibrary, time_source_of};
 use flight::{Binding, ChannelHealth, Clock, Code, Flight, MapCandidate, Notices, Severity, StampKind};
 use formats::{Log, Table, Values};
 use std::collections::BTreeSet;
@@ -130,9 +130,11 @@ fn notices_of(best: &Trial<'_>, log: &Log) -> Notices {
     notices
 }
 
-/// The clock and the timestamps, ns, that one source gives to the rows of a table.
-pub(crate) fn stamps_by(source: &TimeSource, table: &Table) -> Option<(Clock, Values<i64>)> {
-    let stamps = stamp_columns::read_stamps(StampKind::Logged, source, table, || None)?;
+/// The clock and the timestamps, ns, that a source gives to the rows of a table. The source is written as in a map,
+/// `{ field = "t", unit = "s", clock = "boot" }`; `None` if it is no source, or the table lacks its fields.
+pub fn stamps_by(source: &str, table: &Table) -> Option<(Clock, Values<i64>)> {
+    let source = time_source_of(source)?;
+    let stamps = stamp_columns::read_stamps(StampKind::Logged, &source, table, || None)?;
     Some((stamps.clock, Rc::unwrap_or_clone(stamps.nanos)))
 }
 

@@ -16,8 +16,9 @@ pub(super) fn from_quaternion(frame: AttitudeFrame, q: [f64; 4]) -> Option<[f64;
     Some(to_ned(frame, q.map(|v| v / norm)))
 }
 
-/// The same from roll, pitch, yaw in rad: Rz(yaw) Ry(pitch) Rx(roll) in `frame`.
-pub(crate) fn from_euler(frame: AttitudeFrame, angles: [f64; 3]) -> [f64; 4] {
+/// The quaternion w, x, y, z, forward, right, down to north, east, down, of roll, pitch, yaw in rad: Rz(yaw) Ry(pitch)
+/// Rx(roll) in `frame`.
+pub fn from_euler(frame: AttitudeFrame, angles: [f64; 3]) -> [f64; 4] {
     let [(sr, cr), (sp, cp), (sy, cy)] = angles.map(|angle| (angle / 2.0).sin_cos());
     let q = [
         cr * cp * cy + sr * sp * sy,

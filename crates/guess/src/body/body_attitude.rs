@@ -1,12 +1,12 @@
 //! Roll, pitch and yaw: infers the unit from what is stated, from the range, or from whether yaw follows the course.
 
 use super::{Body, CONFIRMS, DECIDES, TimedTriple, unit};
-use crate::bind::from_euler;
-use crate::guess::column_groups::TableColumns;
-use crate::guess::compare::{self, Motion, Vertical};
-use crate::guess::found::Found;
-use crate::guess::windows::Trace;
-use crate::map::AttitudeFrame;
+use crate::column_groups::TableColumns;
+use crate::compare::{self, Motion, Vertical};
+use crate::found::Found;
+use crate::windows::Trace;
+use binding::AttitudeFrame;
+use binding::from_euler;
 use flight::{Clock, Unit};
 use std::f64::consts::{FRAC_PI_2, TAU};
 

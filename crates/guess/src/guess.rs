@@ -1,39 +1,24 @@
 //! Guesses a channel map for a table that no map fits: from column names, their units, and whether the velocity agrees
 //! with the motion of the position. A reading that the data contradict or cannot decide is rejected.
 
-mod body;
-mod by_motion;
-mod column_groups;
-mod compare;
-mod found;
-mod names;
-mod orientations;
-mod time_blocks;
-mod time_columns;
-mod windows;
-mod write;
-
-pub(crate) use self::found::Guess;
-pub(crate) use self::orientations::orientations;
-pub(crate) use self::write::renamed;
-
-use self::column_groups::{Position, TableColumns, Velocity, has_body, may_hold, names_axes, odd_unit, sources};
-use self::compare::{
+use crate::column_groups::{Position, TableColumns, Velocity, has_body, may_hold, names_axes, odd_unit, sources};
+use crate::compare::{
     Motion, Place, Timed, Vertical, decide, is_contradiction, plausible_height, side, units_of_place, without_unit,
 };
-use self::found::Found;
-use self::names::{Named, Role};
-use self::time_columns::Timing;
-use self::write::GuessedChannels;
+use crate::found::{Found, Guess};
+use crate::names::{Named, Role};
+use crate::time_columns::Timing;
+use crate::write::GuessedChannels;
+use crate::{body, by_motion, column_groups, compare, names, time_columns, write};
 use flight::{Clock, Unit};
 use formats::{FieldRequest, Log, Select, Selection, Table, TableHead, TopicInfo, ValueKind};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Part of the message for a table without a time column.
-pub(crate) const NO_TIME: &str = "is a rising time";
+pub const NO_TIME: &str = "is a rising time";
 
 /// The fields to read for a guess from tables with these headers; `None` if no name matches.
-pub(crate) fn wanted(heads: &[TableHead]) -> Option<Wanted> {
+pub fn wanted(heads: &[TableHead]) -> Option<Wanted> {
     let named =
         |head: &TableHead| -> Vec<Named> { head.names.iter().filter_map(|path| names::named(head, path)).collect() };
     let all: Vec<(&TableHead, Vec<Named>)> = heads.iter().map(|head| (head, named(head))).collect();
@@ -51,7 +36,7 @@ pub(crate) fn wanted(heads: &[TableHead]) -> Option<Wanted> {
 }
 
 /// Whether some column names indicate a position, and some a velocity.
-pub(crate) fn may_hold_both(heads: &[TableHead]) -> bool {
+pub fn may_hold_both(heads: &[TableHead]) -> bool {
     let of_all = |holds: fn(&[Named]) -> bool| {
         heads.iter().any(|head| {
             let named: Vec<Named> = head.names.iter().filter_map(|path| names::named(head, path)).collect();
@@ -62,7 +47,7 @@ pub(crate) fn may_hold_both(heads: &[TableHead]) -> bool {
 }
 
 /// The fields to read for [`guess_by_motion`] from tables with meaningless names: every column.
-pub(crate) fn wanted_by_motion(heads: &[TableHead]) -> Option<Wanted> {
+pub fn wanted_by_motion(heads: &[TableHead]) -> Option<Wanted> {
     let tables = heads.iter().filter(|head| by_motion::may_be_tried(head));
     let tables: BTreeMap<String, Vec<FieldRequest>> = tables.map(|h| (h.topic.clone(), every_column(h))).collect();
     (!tables.is_empty()).then_some(Wanted(tables))
@@ -74,12 +59,12 @@ fn every_column(head: &TableHead) -> Vec<FieldRequest> {
 }
 
 /// Whether a table has no header.
-pub(crate) fn any_headerless(heads: &[TableHead]) -> bool {
+pub fn any_headerless(heads: &[TableHead]) -> bool {
     heads.iter().any(by_motion::is_headerless)
 }
 
 /// Why tables whose names match nothing are not bound, and what to do about it.
-pub(crate) fn why_nameless(heads: &[TableHead]) -> String {
+pub fn why_nameless(heads: &[TableHead]) -> String {
     if let Some((topic, line)) = heads.iter().find_map(|head| Some((&head.topic, head.unused_names?))) {
         return format!(
             "line {line} of {topic} names the columns, and because of the line above it, it is not the header: delete \
@@ -98,7 +83,7 @@ pub(crate) fn why_nameless(heads: &[TableHead]) -> String {
 }
 
 /// The fields of a guess by topic.
-pub(crate) struct Wanted(BTreeMap<String, Vec<FieldRequest>>);
+pub struct Wanted(BTreeMap<String, Vec<FieldRequest>>);
 
 impl Select for Wanted {
     fn select(&self, topic: &TopicInfo) -> Selection {
@@ -120,7 +105,7 @@ fn requests(named: &[Named]) -> Vec<FieldRequest> {
 ///
 /// # Errors
 /// Why nothing is bound.
-pub(crate) fn guess(log: &Log) -> Result<Guess, String> {
+pub fn guess(log: &Log) -> Result<Guess, String> {
     let sources = sources(log);
     if let Some(odd) = odd_unit(&sources) {
         return Err(odd);
@@ -269,7 +254,7 @@ fn leave_out_of_other_starts(bodies: &mut Vec<Found<'_, body::Body>>, times: &[(
 
 /// The map for a table without a header or with a meaningless one: the two pairs of neighbours that agree best, if they
 /// agree very well.
-pub(crate) fn guess_by_motion<'l>(log: &'l Log) -> Result<Guess, String> {
+pub fn guess_by_motion<'l>(log: &'l Log) -> Result<Guess, String> {
     const LEAST: f64 = 0.97;
     /// Agreements within this are equal: the usual order of axes then decides.
     const SAME: f64 = 0.005;

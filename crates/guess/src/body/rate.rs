@@ -2,7 +2,7 @@
 
 use super::body_attitude::Rotation;
 use super::{Body, CONFIRMS, TimedTriple, unit};
-use crate::guess::windows::Trace;
+use crate::windows::Trace;
 use flight::Unit;
 
 /// Rotations are compared over windows of this length, s.

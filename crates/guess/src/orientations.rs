@@ -13,7 +13,7 @@ use formats::Log;
 const AXES: [(bool, bool); 4] = [(false, false), (true, false), (false, true), (true, true)];
 
 /// The maps by which a table may be read; none if the unit of its time or of its columns is unknown.
-pub(crate) fn orientations(log: &Log) -> Vec<Guess> {
+pub fn orientations(log: &Log) -> Vec<Guess> {
     let sources = sources(log);
     if odd_unit(&sources).is_some() {
         return vec![];

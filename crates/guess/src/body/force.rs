@@ -2,7 +2,7 @@
 
 use super::body_attitude::Rotation;
 use super::{Body, TimedTriple, unit};
-use crate::guess::windows::Trace;
+use crate::windows::Trace;
 use flight::Unit;
 
 /// What an accelerometer at rest measures, m/s^2.

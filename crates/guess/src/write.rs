@@ -107,7 +107,7 @@ title = \"Columns bound by guess\"
 ";
 
 /// The text of a guessed map under another name.
-pub(crate) fn renamed(text: &str, name: &str) -> String {
+pub fn renamed(text: &str, name: &str) -> String {
     text.replacen("name = \"guess\"", &format!("name = {}", quoted(name)), 1)
 }
 

@@ -5,15 +5,15 @@ use super::time_columns::Timing;
 
 /// A guessed map.
 #[derive(Debug)]
-pub(crate) struct Guess {
+pub struct Guess {
     /// The map as a file, with the reasons as comments.
-    pub(crate) text: String,
+    pub text: String,
     /// The columns of each channel, in one line.
-    pub(crate) summary: String,
+    pub summary: String,
     /// The number of channels.
-    pub(crate) channels: u64,
+    pub channels: u64,
     /// Whether there are both a position and a velocity.
-    pub(crate) both: bool,
+    pub both: bool,
 }
 
 /// An item with its table and time.

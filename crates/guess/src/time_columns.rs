@@ -1,8 +1,7 @@
 //! Infers which column of a table is the time, and its unit.
 
 use super::names::{Named, Role};
-use crate::bind::stamps_by;
-use crate::map::time_source_of;
+use binding::stamps_by;
 use flight::{Clock, Unit};
 use formats::Table;
 use std::rc::Rc;
@@ -241,8 +240,7 @@ fn timing(
     why: String,
     is_certain: bool,
 ) -> Option<Timing> {
-    let source = time_source_of(&entry)?;
-    let (clock, nanos) = stamps_by(&source, table)?;
+    let (clock, nanos) = stamps_by(&entry, table)?;
     let first = nanos.given().next()?;
     let times = || nanos.given();
     let goes_on = times().zip(times().skip(1)).filter(|(a, b)| b >= a).count();
