@@ -64,7 +64,7 @@ table-5-7:
 
 # Test the accuracy of the delay from simulated circuits, compared with integer shifts of velocity differences
 delay-study *options:
-    cargo run --release -p flightlag-compensation-replay --example flight_delay_study -- "$@"
+    cargo run --release -p flightlag-delay-from-flight --example flight_delay_study -- "$@"
 
 # Measure samples per second and core of every compensator, one hour at 100 Hz
 perf-compensators:

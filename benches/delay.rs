@@ -1,6 +1,6 @@
 //! Cost of measuring the delays of a flight.
 
-use compensation_replay::{FlightDelaySettings, measure_delays};
+use delay_from_flight::{FlightDelaySettings, measure_delays};
 use divan::Bencher;
 use flight::Flight;
 

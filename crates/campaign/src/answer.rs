@@ -9,10 +9,8 @@ use crate::lever;
 use crate::no_position::no_position;
 use crate::rate::rate_of;
 use crate::reference::{OF_REFERENCE_FILE, settled};
-use compensation_replay::{
-    AutopilotParameter, FlightDelaySettings, MeasuredAgainst, ParameterFit, Refusal, autopilot_advice, measure_delays,
-    pick_pair,
-};
+use compensation_replay::{AutopilotParameter, MeasuredAgainst, ParameterFit, Refusal, autopilot_advice, pick_pair};
+use delay_from_flight::{FlightDelaySettings, measure_delays};
 use delay_network::{Lineage, NetworkSettings, PairObservation, ReferenceUse, difference, lineage_from_name, solve};
 use flight::{Alarm, Binding, Code, Delay, Flight, LogHealth, Notices};
 use record::{

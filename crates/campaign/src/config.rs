@@ -11,9 +11,9 @@ use crate::error::CampaignError;
 use crate::lever::Antenna;
 use crate::reference_rule::ReferenceRule;
 use compensation_replay::{
-    ClockRule, CompensatorKind, FlightDelaySettings, REFERENCE_POSITION, REFERENCE_VELOCITY, Settings, Sweeper,
-    pick_pair,
+    ClockRule, CompensatorKind, REFERENCE_POSITION, REFERENCE_VELOCITY, Settings, Sweeper, pick_pair,
 };
+use delay_from_flight::FlightDelaySettings;
 use flight::{Binding, Delay, Flight};
 use record::{
     CardDelay, Decision, DelaySource, Estimate, Finding, FlightDelays, FlightLateness, PipelineUse, SensorIdentity,

@@ -4,11 +4,11 @@ mod further;
 
 use crate::compensator::CompensatorKind;
 use crate::exact::ExactAsync;
-use crate::horizontal::AXES;
 use crate::input::Input;
 use crate::pade::PadeTustin;
 use crate::rows::Rows;
 use crate::settings::Settings;
+use delay_from_flight::AXES;
 use flight::{Delay, Notices};
 use record::StartRule;
 use std::ops::Range;

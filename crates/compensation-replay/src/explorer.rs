@@ -1,13 +1,13 @@
 //! The rows of a replay in compact form, see [`ExplorerRows`].
 
 use crate::estimate::{EXACT_ASYNC, PAPER, Positions};
-use crate::horizontal::AXES;
 use crate::input::Input;
 use crate::rows::RowState;
 use crate::rows::Rows;
 use crate::score::Reference;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
+use delay_from_flight::AXES;
 use flate2::Compression;
 use flate2::write::DeflateEncoder;
 use record::{ExplorerColumn, ExplorerRows};

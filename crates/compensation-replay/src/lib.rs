@@ -19,8 +19,6 @@ mod estimate;
 mod exact;
 mod explorer;
 mod export;
-mod flight_delay;
-mod horizontal;
 mod input;
 mod lever_arm;
 mod pade;
@@ -30,7 +28,6 @@ mod rows;
 mod score;
 mod settings;
 mod sweep;
-mod thin;
 mod track;
 mod validity;
 
@@ -46,7 +43,6 @@ pub use export::{
     AutopilotAdvice, AutopilotParameter, CExport, CFloat, CSource, ExportError, MeasuredAgainst, ParameterFit,
     autopilot_advice, export_c,
 };
-pub use flight_delay::{FlightDelaySettings, measure_delays};
 pub use input::{Picked, Refusal, pick_pair, some_of};
 pub use lever_arm::{AntennaArm, LeverMotion, LeverSensitivity, VelocityPoint, antenna_arm, lever_sensitivity};
 pub use pade::PadeTustin;

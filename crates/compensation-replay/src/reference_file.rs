@@ -5,7 +5,7 @@
 //! flight, then as the delay between a velocity of the log and the reference. That velocity initially counts as on
 //! time. Its own lateness is removed once the delay network has measured it.
 
-use crate::flight_delay::{FlightDelaySettings, measure_against_reference};
+use delay_from_flight::{FlightDelaySettings, measure_against_reference};
 use flight::{Channel, Clock, Flight, Quantity, Series, Stamp, Timeline, gps_of_unix, unix_of_gps};
 use record::{ClockOffset, Estimate, Finding, MeasuredDelay, ReferenceClock};
 

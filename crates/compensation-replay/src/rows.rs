@@ -1,8 +1,8 @@
 //! The instants of a replay, with the inputs known at each.
 
-use crate::horizontal::AXES;
 use crate::input::{Input, Refusal};
 use crate::settings::Settings;
+use delay_from_flight::AXES;
 use flight::{Code, Notices, RejectCount};
 use record::{Coverage, StartRule};
 use std::ops::Range;

@@ -15,10 +15,10 @@ pub(crate) use onboard::onboard;
 
 use crate::compensator::CompensatorKind;
 use crate::estimate::{EXACT_ASYNC, Positions, of_segments};
-use crate::horizontal::{AXES, Horizontal};
 use crate::input::Input;
 use crate::rows::{Rows, median_step};
 use crate::settings::Settings;
+use delay_from_flight::{AXES, Horizontal};
 use flight::{Code, Notices};
 use record::{CompensatorResult, Estimate};
 use std::ops::Range;

@@ -10,15 +10,12 @@
 
 mod items;
 mod least;
-mod objective;
 
-pub(crate) use objective::objective;
-
-use crate::horizontal::AXES;
 use crate::input::{Input, Refusal};
 use crate::rows::{Rows, bridge, segments};
 use crate::score::{Blocks, root_mean};
 use crate::settings::Settings;
+use delay_from_flight::AXES;
 use flight::{Flight, Notices};
 use items::Items;
 use record::{

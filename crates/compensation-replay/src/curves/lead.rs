@@ -2,10 +2,10 @@
 
 use super::BINS;
 use crate::estimate::{EXACT_ASYNC, Positions};
-use crate::horizontal::AXES;
 use crate::input::Input;
 use crate::rows::{Rows, median_step};
 use crate::score::Reference;
+use delay_from_flight::AXES;
 use record::{Curve, Lead, LeadCurves, LeadTrack};
 use std::ops::Range;
 

@@ -4,10 +4,10 @@ use crate::compensator::{
     AxisSamples, CompensatorError, CompensatorKind, CompensatorOptions, Replayed, VelocityView, fit_kalman,
 };
 use crate::estimate::Positions;
-use crate::horizontal::AXES;
 use crate::input::Input;
 use crate::rows::{Rows, bridge, median_step};
 use crate::settings::Settings;
+use delay_from_flight::AXES;
 use flight::{Code, Notices, Severity};
 use std::ops::Range;
 

@@ -1,5 +1,5 @@
 use super::*;
-use crate::{FlightDelaySettings, measure_delays};
+use delay_from_flight::{FlightDelaySettings, measure_delays};
 use flight::{Channel, ChannelSource, Clock, Flight, LeverArm, Quantity, Series, Stamp, StampKind, Timeline};
 use std::f64::consts::TAU;
 

@@ -1,5 +1,5 @@
 use super::*;
-use crate::measure_delays;
+use delay_from_flight::measure_delays;
 use flight::NANOS_PER_SECOND;
 use simulate::{FlightSettings, SensorSettings, simulate};
 

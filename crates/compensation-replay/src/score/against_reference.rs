@@ -5,8 +5,8 @@ use super::jackknife::{Blocks, jackknife, rms, root_mean};
 use super::truthless::found;
 use super::updates::{both_at, dot, length, to_the_right};
 use crate::estimate::Positions;
-use crate::horizontal::{AXES, Horizontal};
 use crate::rows::{Rows, median_step};
+use delay_from_flight::{AXES, Horizontal};
 use record::{Estimate, Finding, ReferenceScore};
 
 /// Edges of the frequency bands, Hz.

@@ -8,12 +8,12 @@ use super::truthless::{self, Legs, Passes};
 use super::updates::Updates;
 use super::{Innovations, Reference};
 use crate::estimate::{EXACT_ASYNC, Positions};
-use crate::flight_delay::residual::{TrackFit, TrackFitter};
-use crate::horizontal::AXES;
 use crate::input::Input;
 use crate::rows::{Rows, median_step};
 use crate::settings::Settings;
 use crate::validity::{DelayModel, Delays, ValidityBand};
+use delay_from_flight::AXES;
+use delay_from_flight::{TrackFit, TrackFitter};
 use record::{CompensatorScore, Estimate, Finding, HelpfulBand, ReferenceScore, ReplayScores, ResidualDelay};
 use std::ops::Range;
 

@@ -4,7 +4,7 @@ use super::motion::Motion;
 use super::updates::knows_age;
 use crate::compensator::{CompensatorKind, Discretisation, PadeForm};
 use crate::estimate::Positions;
-use crate::flight_delay::residual::TrackFit;
+use delay_from_flight::TrackFit;
 use nalgebra::Complex;
 use record::{BudgetTerm, ErrorBudget, Estimate, Finding};
 use std::f64::consts::{PI, TAU};

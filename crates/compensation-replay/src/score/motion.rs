@@ -1,6 +1,6 @@
 //! Frequency content of the motion of a flight, and the noise in its velocity.
 
-use crate::horizontal::{AXES, Horizontal};
+use delay_from_flight::{AXES, Horizontal};
 use record::{Finding, MotionSpectrum};
 use signal::{Spectrum, power_spectrum};
 use std::f64::consts::{LN_2, TAU};

@@ -5,11 +5,11 @@ use super::jackknife::jackknife;
 use super::truthless::found;
 use super::updates::{dot, length};
 use crate::estimate::Positions;
-use crate::horizontal::{AXES, Horizontal};
 use crate::input::{Input, local};
 use crate::rows::{Rows, median_step};
 use crate::settings::Settings;
-use crate::thin::Averaged;
+use delay_from_flight::Averaged;
+use delay_from_flight::{AXES, Horizontal};
 use flight::{Channel, Code, Flight, Notices, Quantity, WGS84_A};
 use record::{Finding, OnboardAgainst, OnboardComparison};
 

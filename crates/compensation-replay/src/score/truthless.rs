@@ -5,7 +5,7 @@ use super::jackknife::{Blocks, jackknife, mean, rms};
 use super::updates::{Updates, dot, length, minus, to_the_right};
 use crate::compensator::CompensatorKind;
 use crate::estimate::{EXACT_ASYNC, Positions};
-use crate::horizontal::AXES;
+use delay_from_flight::AXES;
 use record::{Estimate, Finding, Hysteresis, OppositePasses, StraightLegs, StraightScore};
 use signal::{orthonormal, residuals_of};
 use std::collections::BTreeMap;

@@ -2,9 +2,9 @@
 
 use crate::compensator::CompensatorKind;
 use crate::estimate::{EXACT_ASYNC, Positions};
-use crate::horizontal::{AXES, Horizontal};
 use crate::input::Input;
 use crate::rows::Rows;
+use delay_from_flight::{AXES, Horizontal};
 use signal::CumulativeIntegral;
 use std::ops::Range;
 

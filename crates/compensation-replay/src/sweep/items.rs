@@ -1,8 +1,8 @@
 //! Scored items: the rows of each fix against a reference, or the step at each fix.
 
 use super::Sweeper;
-use crate::horizontal::AXES;
 use crate::score::Reference;
+use delay_from_flight::AXES;
 
 /// ∫ y from the first sample on, linear between samples.
 pub(super) fn integral(t: &[f64], y: &[f64]) -> Vec<f64> {

@@ -2,7 +2,7 @@
 
 use super::Sweeper;
 use super::items::{Items, Miss};
-use crate::horizontal::AXES;
+use delay_from_flight::AXES;
 use record::{Estimate, Finding, SweepMethod, SweepOptimum};
 
 /// Search range, s.

@@ -2,7 +2,7 @@
 
 use crate::flights::{channel, circle};
 use crate::golden::measure_delays;
-use compensation_replay::FlightDelaySettings;
+use delay_from_flight::FlightDelaySettings;
 use flight::{Channel, Clock, Flight, Notices, Quantity, Series, Stamp, StampKind, Timeline};
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
@@ -708,7 +708,7 @@ fn noise_of_an_accelerometer_does_not_move_the_delay_of_a_velocity() {
             let mut flight = banked(0.12, [0.0; 3], &weaving);
             with_noise(&mut flight, "velocity.gps", 0.1, seed);
             with_noise(&mut flight, "specific-force.imu", noise, seed + 1000);
-            let (delays, _) = compensation_replay::measure_delays(&flight, &quick());
+            let (delays, _) = delay_from_flight::measure_delays(&flight, &quick());
             let delay_s = delays.pairs[0].delay.found()?.delay_s;
             Some((delay_s.value - 0.12) / delay_s.standard_uncertainty.unwrap())
         };
@@ -737,7 +737,7 @@ fn attitude_and_accelerometer_are_shifted_to_the_same_time() {
         if with_gyro {
             flight.channels.insert("angular-rate.imu".into(), channel(Quantity::AngularRate, &gyro));
         }
-        let (delays, notices) = compensation_replay::measure_delays(&flight, &quick());
+        let (delays, notices) = delay_from_flight::measure_delays(&flight, &quick());
         let shifted = notices.iter().find(|n| n.code == "attitude-shift").map(|n| n.text.clone());
         (found(&delays.pairs[0]).delay_s.value, shifted)
     };

@@ -2,7 +2,8 @@
 //! the diff.
 
 use crate::flights::late;
-use compensation_replay::{FlightDelaySettings, Refusal, Replay, Settings, Sweeper};
+use compensation_replay::{Refusal, Replay, Settings, Sweeper};
+use delay_from_flight::FlightDelaySettings;
 use flight::{Flight, Notices};
 use record::{DelaySource, Estimate, FlightDelays};
 use serde::Serialize;
@@ -26,9 +27,9 @@ fn assert_golden(record: &impl Serialize) {
     simulate::assert_golden(&folder, &one_field_per_line(&serde_json::to_value(record).unwrap()));
 }
 
-/// [`compensation_replay::measure_delays`], compared with the golden text of the running test.
+/// [`delay_from_flight::measure_delays`], compared with the golden text of the running test.
 pub fn measure_delays(flight: &Flight, settings: &FlightDelaySettings) -> (FlightDelays, Notices) {
-    let (delays, notices) = compensation_replay::measure_delays(flight, settings);
+    let (delays, notices) = delay_from_flight::measure_delays(flight, settings);
     assert_golden(&(&delays, &notices));
     (delays, notices)
 }

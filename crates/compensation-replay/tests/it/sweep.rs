@@ -2,7 +2,8 @@
 
 use crate::flights::{circle, late};
 use crate::golden::{measure_delays, replay};
-use compensation_replay::{FlightDelaySettings, Settings, Sweeper};
+use compensation_replay::{Settings, Sweeper};
+use delay_from_flight::FlightDelaySettings;
 use flight::Flight;
 use record::{DelaySource, DelaySweep, Estimate, Finding, MeasuredDelay, SweepMethod, SweepOptimum, SweepScore};
 use simulate::{FlightSettings, PathKind, SensorSettings, Wander, simulate};

@@ -417,7 +417,7 @@ impl View<'_> {
         let [from, to] = fit.interval(0.95);
         let half_s = (0.5 * (to - from)).hypot(NORMAL_95 * stamps_s);
         let (injections, (objective, splits)) = if in_detail {
-            let objective = || crate::sweep::objective(&self.record.measurements(), fit, delay_settings.search_s);
+            let objective = || crate::objective::objective(&self.record.measurements(), fit, delay_settings.search_s);
             rayon::join(|| injection::injections(self, delay_settings), || (Some(objective()), split::splits(self)))
         } else {
             Default::default()

@@ -15,31 +15,34 @@ use signal::{DelayFit, NoiseModel};
 
 /// Result of the fit of a track.
 #[derive(Debug, Clone)]
-pub(crate) struct TrackFit {
+pub struct TrackFit {
     /// Delay, s; positive is late against the velocity.
-    pub(crate) delay_s: f64,
-    pub(crate) standard_uncertainty_s: f64,
-    pub(crate) interval_95_s: [f64; 2],
+    pub delay_s: f64,
+    /// Standard uncertainty of the delay, s.
+    pub standard_uncertainty_s: f64,
+    /// 95 % interval of the delay, s.
+    pub interval_95_s: [f64; 2],
     /// Samples of both axes.
-    pub(crate) samples: u64,
+    pub samples: u64,
     /// Track less integral, m/s: north and east, with standard uncertainty; mean over the pieces by their samples.
-    pub(crate) drift: [(f64, f64); 2],
+    pub drift: [(f64, f64); 2],
     /// Noise of the longest piece.
-    pub(crate) noise: [NoiseModel; 2],
+    pub noise: [NoiseModel; 2],
     /// Length of that piece, s.
-    pub(crate) span_s: f64,
+    pub span_s: f64,
 }
 
 /// Maximum number of speeds.
 const SPEEDS: usize = 6_000;
 
 /// Fits several tracks in turn against the same velocity (m/s).
-pub(crate) struct TrackFitter {
+pub struct TrackFitter {
     prepared: Prepared,
 }
 
 impl TrackFitter {
-    pub(crate) fn new(velocity: &Horizontal) -> TrackFitter {
+    /// For tracks that are compared with `velocity`, m/s.
+    pub fn new(velocity: &Horizontal) -> TrackFitter {
         let second = pieces::without_spikes(velocity, &mut None, "velocity", &mut Notices::new());
         let second = second.unwrap_or_else(|| velocity.clone());
         // Speed is only needed to separate rest from motion.
@@ -55,7 +58,7 @@ impl TrackFitter {
     }
 
     /// The delay of `track` (m), searched around `expected_s`, or why it cannot be measured.
-    pub(crate) fn fit(&mut self, track: Horizontal, expected_s: f64) -> Result<TrackFit, String> {
+    pub fn fit(&mut self, track: Horizontal, expected_s: f64) -> Result<TrackFit, String> {
         let search_s = about(expected_s);
         let settings = FlightDelaySettings { search_s, ..FlightDelaySettings::default() };
         self.prepared.first = track;

@@ -1,8 +1,8 @@
 //! Accuracy of the delay from a flight: many simulated circuits with known delay, a line of figures per receiver kind.
-//! `cargo run --release -p flightlag-compensation-replay --example flight_delay_study -- [trials] [part of a case's name]`
+//! `cargo run --release -p flightlag-delay-from-flight --example flight_delay_study -- [trials] [part of a case's name]`
 #![allow(clippy::print_stdout, clippy::unwrap_used, reason = "an example's output is its print")]
 
-use compensation_replay::{FlightDelaySettings, measure_delays};
+use delay_from_flight::{FlightDelaySettings, measure_delays};
 use flight::{Channel, ChannelSource, Clock, Flight, Quantity, Series, StampKind, Timeline};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rand::{RngExt, SeedableRng};

@@ -1,33 +1,8 @@
-//! Relative lateness of the channels of a flight, measured from the flight itself.
-//!
-//! A position is the integral of its velocity: `p(t) = c + d·(t − t_m) + ∫v(t − δ) + noise`, north and east with one δ.
-//! The same holds for a velocity and the acceleration, and without the integral for two tracks. Only differences of
-//! delays are observable this way: δ = Tp − Tv and so on (design note 4). The estimator is [`signal::fit_delay`].
+//! All delays of a flight, pair by pair.
 
-mod attitude;
-mod bands;
-#[cfg(test)]
-mod body_bias;
-mod coarse;
-mod disturbance;
-mod doubt;
-mod fit;
-mod foreign;
-mod gate;
-mod injection;
-mod local;
-mod measure;
-mod over_time;
-mod pairs;
-mod pieces;
-mod reference;
-pub(crate) mod residual;
-mod skew;
-mod split;
-mod varies;
-
+use crate::pairs::{Pair, Second};
+use crate::{measure, pairs};
 use flight::{Flight, Notices};
-use pairs::{Pair, Second};
 use rayon::prelude::*;
 use record::{DelayPairKind, Finding, FlightDelays, MeasuredDelay};
 
@@ -117,7 +92,8 @@ pub fn measure_delays(flight: &Flight, settings: &FlightDelaySettings) -> (Fligh
 }
 
 /// Lateness of `velocity` against `reference`, a position or a velocity.
-pub(crate) fn measure_against_reference(
+#[must_use]
+pub fn measure_against_reference(
     flight: &Flight,
     velocity: &str,
     reference: &str,

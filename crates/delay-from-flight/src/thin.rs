@@ -40,7 +40,7 @@ fn usual_step_s(channel: &Channel) -> f64 {
 
 /// Samples of a channel that another one is compared with, `N` numbers each. In a long record neighbours are averaged,
 /// both time and values: the mean of a line is on the line, so nothing is shifted.
-pub(crate) struct Averaged<const N: usize> {
+pub struct Averaged<const N: usize> {
     t: Vec<f64>,
     values: [Vec<f64>; N],
     /// Number of neighbours per average.
@@ -57,12 +57,7 @@ const UNEVEN: f64 = 1.5;
 
 impl<const N: usize> Averaged<N> {
     /// Leaves about `most` samples of the updates of `channel`. A notice reports how many are averaged and for what.
-    pub(crate) fn new(
-        (channel, name): (&Channel, &str),
-        most: usize,
-        what_for: &str,
-        notices: &mut Notices,
-    ) -> Averaged<N> {
+    pub fn new((channel, name): (&Channel, &str), most: usize, what_for: &str, notices: &mut Notices) -> Averaged<N> {
         let rows = channel.update_count();
         let each = rows.div_ceil(most.max(1)).max(1);
         let longest_s = if each > 1 { UNEVEN * each as f64 * usual_step_s(channel) } else { 0.0 };
@@ -75,17 +70,18 @@ impl<const N: usize> Averaged<N> {
     }
 
     /// Every sample stays. `samples` is the approximate number: growing columns would take up to twice their memory.
-    pub(crate) fn none(samples: usize) -> Averaged<N> {
+    pub fn none(samples: usize) -> Averaged<N> {
         let (t, values) = (Vec::with_capacity(samples), std::array::from_fn(|_| Vec::with_capacity(samples)));
         Averaged { t, values, each: 1, longest_s: 0.0, begun_s: 0.0, count: 0, sums: (0.0, [0.0; N]) }
     }
 
     /// Number of neighbours per average.
-    pub(crate) fn each(&self) -> usize {
+    pub fn each(&self) -> usize {
         self.each
     }
 
-    pub(crate) fn push(&mut self, t: f64, values: [f64; N]) {
+    /// Adds a sample: its instant, s, and its values.
+    pub fn push(&mut self, t: f64, values: [f64; N]) {
         if self.each == 1 {
             self.t.push(t);
             self.values.iter_mut().zip(values).for_each(|(column, value)| column.push(value));
@@ -116,14 +112,15 @@ impl<const N: usize> Averaged<N> {
     }
 
     /// Times, s, and columns.
-    pub(crate) fn finish(mut self) -> (Vec<f64>, [Vec<f64>; N]) {
+    pub fn finish(mut self) -> (Vec<f64>, [Vec<f64>; N]) {
         self.close();
         (self.t, self.values)
     }
 }
 
 impl Averaged<2> {
-    pub(crate) fn horizontal(self) -> Horizontal {
+    /// The samples of a horizontal vector.
+    pub fn horizontal(self) -> Horizontal {
         let (t, axes) = self.finish();
         Horizontal { t, axes }
     }

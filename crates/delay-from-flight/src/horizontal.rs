@@ -1,19 +1,20 @@
 //! Samples of a horizontal vector.
 
 /// The horizontal axes: index into everything that has a north and an east.
-pub(crate) const AXES: [usize; 2] = [0, 1];
+pub const AXES: [usize; 2] = [0, 1];
 
 /// Samples of a horizontal vector.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Horizontal {
-    pub(crate) t: Vec<f64>,
+pub struct Horizontal {
+    /// Instants, s.
+    pub t: Vec<f64>,
     /// North, then east.
-    pub(crate) axes: [Vec<f64>; 2],
+    pub axes: [Vec<f64>; 2],
 }
 
 impl Horizontal {
     /// One axis at rising instants, linear between samples and constant outside them.
-    pub(crate) fn walk(&self, axis: usize) -> impl FnMut(f64) -> f64 {
+    pub fn walk(&self, axis: usize) -> impl FnMut(f64) -> f64 {
         let y = &self.axes[axis];
         let mut after = 0;
         move |t| {
