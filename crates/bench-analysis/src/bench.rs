@@ -112,6 +112,7 @@ pub fn bench(input: &BenchInput<'_>, rig: &Rig) -> Result<Bench, BenchRefusal> {
     quality.checks.extend(dead);
     report_outliers(&channels, &mut notices);
     timing.warn(&tied, &mut notices);
+    report_odd_gyros(&channels, &mut notices);
     let (swings, turn_notices) = magnetic_swings(sensor, &motion, rig, &around, &alignment);
     notices.extend(turn_notices);
     let flexibility = bending(&channels, &references, rig);
@@ -373,6 +374,33 @@ fn report_outliers(channels: &[ChannelDynamics], notices: &mut Notices) {
             100.0 * share
         );
         notices.push(Code::SamplesLeftOut, &channel.name, (share * channel.samples as f64).round() as u64, text);
+    }
+}
+
+/// A gyro is rarely later than this, s.
+const LATE_GYRO_S: f64 = 0.05;
+/// No gyro is earlier than this, s.
+const EARLY_GYRO_S: f64 = 0.01;
+
+/// Reports gyros whose delay on the encoder's own clock is not that of a gyro: the clocks are probably two. Every other
+/// delay is then wrong by the same time.
+fn report_odd_gyros(channels: &[ChannelDynamics], notices: &mut Notices) {
+    let is_gyro = |c: &&ChannelDynamics| c.quantity == Quantity::AngularRate && c.basis == TimeBasis::OneClock;
+    for channel in channels.iter().filter(is_gyro) {
+        let Some(found) = &channel.delay else { continue };
+        let (delay_s, expanded_s) = (found.delay.seconds(), 2.0 * found.standard_uncertainty_s);
+        let (word, most_s) = if delay_s > 0.0 { ("late", LATE_GYRO_S) } else { ("early", EARLY_GYRO_S) };
+        if delay_s.abs() - expanded_s > most_s {
+            let text = format!(
+                "{} is {:.1} ± {:.1} ms {word} (k = 2), which is rare for a gyro: if encoder and sensor do not have one \
+                 clock, every delay of this record is wrong by this much. Set [clock] shared = false in the rig file to \
+                 measure against the gyro",
+                channel.name,
+                delay_s.abs() * 1e3,
+                expanded_s * 1e3
+            );
+            notices.push(Code::ClockTie, &channel.name, 1, text);
+        }
     }
 }
 

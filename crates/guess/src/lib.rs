@@ -3,8 +3,8 @@
 //! [`guess()`] infers it from column names, their units, and whether the velocity agrees with the motion of the position,
 //! [`guess_by_motion`] from the motion alone. [`orientations`] gives every possible one for a second file of a flight.
 //!
-//! A crate of its own, because it is as large as what binds the columns and runs once for a log: it is compiled without
-//! optimisation.
+//! A crate of its own, because it is nearly as large as what binds the columns and runs at most once for a log: it is
+//! compiled with less optimisation.
 
 #![cfg_attr(not(test), deny(clippy::indexing_slicing, clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 

@@ -45,6 +45,26 @@ fn a_channel_on_its_own_clock_is_skipped_and_named() {
     );
 }
 
+/// Two clocks whose rig file says that they are one.
+#[test]
+fn a_gyro_too_late_or_early_for_one_clock_is_reported() {
+    let mut rig = rig("azimuth_deg = 40.1", "sign = 1", "");
+    rig.analysis.inject_s = vec![];
+    for (shift_ns, text) in [(321_000_000, "is 321.0 ± "), (30_000_000, ""), (-30_000_000, "is 30.0 ± ")] {
+        let mut flight = recorded(&Swing::by_hand(0.0));
+        for name in ["angular-rate.imu", "velocity.ins"] {
+            let shifted = restamped(&flight.channels[name], Clock::Elapsed, |ns| ns + shift_ns);
+            flight.channels.insert(name.into(), shifted);
+        }
+        let found = bench_analysis::bench(&BenchInput { encoder: &flight, sensor: &flight, one_log: true }, &rig);
+        let notices = found.unwrap().notices;
+        let said: Vec<&Notice> = notices.iter().filter(|notice| notice.code == Code::ClockTie).collect();
+        assert_eq!(said.len(), usize::from(!text.is_empty()), "{said:?}");
+        let side = if shift_ns > 0 { "ms late (k = 2)" } else { "ms early (k = 2)" };
+        assert!(said.iter().all(|n| n.place == "angular-rate.imu" && n.text.contains(text) && n.text.contains(side)));
+    }
+}
+
 /// Timestamps that gain 2 ms per second, on the encoder's own clock.
 #[test]
 fn channels_that_drift_on_the_encoders_own_clock_are_reported() {

@@ -349,7 +349,8 @@ catalogue! {
                 "The tie between the clocks of a channel and of the encoder is missing, ambiguous, or drifts. The \
                  text states what is missing: a usable pulse, pairs of device time and arrival, or the timestamps \
                  that the rig file asks for. The channel may be skipped. The tie is ambiguous if the swing is too \
-                 regular. If all channels drift, the delays are valid for the middle of the record.",
+                 regular. If all channels drift, the delays are valid for the middle of the record. A gyro that is \
+                 far too late or too early shows that the clocks are probably not one clock.",
                 "Check the pulse, the timestamps and the clock settings of the rig file. Stop the bar once or twice \
                  during the record. To avoid a drift, timestamp encoder and sensor with one clock.";
             NoReference, "no-reference", [Warning],
