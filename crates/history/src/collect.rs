@@ -1,6 +1,6 @@
 //! Converts the report of a campaign to rows of the history.
 
-use crate::compare::{HARMED, Texts, failed_criterion};
+use crate::compare::{ANSWER, HARMED, Texts, failed_criterion};
 use crate::dataset::{Latest, Run};
 use crate::error::HistoryError;
 use crate::fleet::{Aircraft, Fleet};
@@ -70,7 +70,7 @@ pub fn texts_of(record: &CampaignRecord, campaign: &str) -> Texts {
             .filter(|one| one.verdict == CriterionVerdict::Fail);
         let criteria = failed.map(|one| (failed_criterion(&one.id), one.words.clone()));
         let effect = flight.effect.as_ref().map(|effect| (HARMED.to_owned(), effect.words.clone()));
-        let mut texts = BTreeMap::new();
+        let mut texts = BTreeMap::from([(ANSWER.to_owned(), flight.answer())]);
         for (word, text) in alarms.chain(criteria).chain(effect) {
             // A flight may have several alarms with the same code.
             texts.entry(word).and_modify(|all: &mut String| *all += &format!("; {text}")).or_insert(text);

@@ -9,6 +9,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// Trouble of a flight whose delay cannot be measured.
 const NOT_MEASURABLE: &str = "not measurable";
+/// Key of the answer of a flight among its texts.
+pub(crate) const ANSWER: &str = "answer";
 pub(crate) const FAILED: &str = "failed";
 const PENDING: &str = "pending";
 const DAMAGED: &str = "log damaged";
@@ -22,7 +24,8 @@ const MOVED_SHARE: f64 = 0.1;
 /// Recommended values closer than this are equal, s: parameters are whole milliseconds.
 const SAME_ADVICE_S: f64 = 0.5e-3;
 
-/// Full texts of alarms and troubles, by campaign and flight, then by code or trouble: rows contain only the latter.
+/// Full texts of alarms and troubles, and the answer, by campaign and flight, then by code or trouble: rows contain only
+/// the latter.
 pub type Texts = BTreeMap<(String, String), BTreeMap<String, String>>;
 
 /// Compares rows with the latest earlier ones; `texts` are of these rows. Flights that have disappeared are not in the
@@ -112,6 +115,7 @@ fn new_flight(changes: &mut RunChanges, flight: Flight<'_>) {
     changes.alarms_new.extend(flight.alarming(alarms));
     changes.remarks_new.extend(flight.plain(remarks));
     changes.new_not_measurable.extend(cannot.first().map(|_| flight.named.clone()));
+    changes.new_answers.push(flight.text(ANSWER).unwrap_or_default().to_owned());
     changes.new.push(flight.named);
 }
 
@@ -382,6 +386,16 @@ mod tests {
         // A flight that cannot be read shows no alarm, and clears none.
         let failed = Row { outcome: "failed".into(), alarms: None, ..row("a") };
         assert_eq!(changes(&[row("a")], &[failed]).alarms_cleared, vec![]);
+    }
+
+    #[test]
+    fn a_new_flight_has_its_answer() {
+        let answer = "position.gps is 401 ms late. helped: 5.9 → 0.5 m.";
+        let words = BTreeMap::from([(ANSWER.to_owned(), answer.to_owned())]);
+        let texts = Texts::from([(("c".to_owned(), "n".to_owned()), words)]);
+        let found = compare(&latest_of([row("a")]), &[row("a"), row("m"), row("n")], &texts, &|_, _| None);
+        let names: Vec<&str> = found.new.iter().map(|of| of.flight.as_str()).collect();
+        assert_eq!((names, found.new_answers), (vec!["m", "n"], vec![String::new(), answer.to_owned()]));
     }
 
     #[test]

@@ -107,6 +107,26 @@ pub struct FlightRow {
     pub losses: u64,
 }
 
+impl FlightRow {
+    /// What was found, in one to three sentences: why there is no result, or the lateness and the effect of its removal.
+    #[must_use]
+    pub fn answer(&self) -> String {
+        let reason = match &self.outcome {
+            Outcome::Failed { reason } | Outcome::Pending { reason } => Some(reason),
+            _ => None,
+        };
+        let lateness = self.lateness.as_ref().map(|lateness| &lateness.words);
+        // An effect begins with its verdict, in lower case.
+        let effect = self.effect.as_ref().and_then(|effect| {
+            let first = effect.words.chars().next()?;
+            Some(first.to_uppercase().chain(effect.words.chars().skip(1)).collect::<String>())
+        });
+        let sentences = reason.or(lateness).cloned().into_iter().chain(effect).filter(|text| !text.is_empty());
+        let ended = |text: String| if text.ends_with('.') { text } else { text + "." };
+        sentences.map(ended).collect::<Vec<_>>().join(" ")
+    }
+}
+
 /// A file in the folder that is not a flight.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(JsonSchema))]

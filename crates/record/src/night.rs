@@ -122,6 +122,9 @@ pub struct RunChanges {
     pub compared: u64,
     /// New flights.
     pub new: Vec<NamedFlight>,
+    /// What was found in each of them, in one or two sentences; empty if it could not be read.
+    #[serde(default)]
+    pub new_answers: Vec<String>,
     /// Flights that are gone.
     pub gone: Vec<NamedFlight>,
     /// Flights whose result changed.

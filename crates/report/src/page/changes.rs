@@ -27,7 +27,7 @@ pub fn changes_site(changes: &CampaignChanges, flights: &[FlightRow]) -> Site {
             (moved("Groups whose delay moved", &changes.moved_groups, &pages))
             (moved("Flights whose delay moved", &changes.moved, &pages))
             (rerun(changes, &pages))
-            (names("New flights", &changes.new, &pages))
+            (new_flights(&changes.new, flights, &pages))
             (names("No longer in the folder", &changes.gone, &pages))
             (troubles("No longer failing", &changes.recovered, in_the_past, &pages))
             p.note {
@@ -97,6 +97,22 @@ fn names(title: &str, names: &[String], pages: &Pages<'_>) -> Markup {
         @if !names.is_empty() {
             h2 { (title) ": " (number::count(names.len() as u64)) }
             p { (list(names.iter().map(String::as_str), pages)) "." }
+        }
+    }
+}
+
+/// New flights with what was found in them.
+fn new_flights(new: &[String], flights: &[FlightRow], pages: &Pages<'_>) -> Markup {
+    let rows: BTreeMap<&str, &FlightRow> = flights.iter().map(|row| (row.flight.as_str(), row)).collect();
+    html! {
+        @if !new.is_empty() {
+            h2 { "New flights: " (number::count(new.len() as u64)) }
+            ul {
+                @for row in new.iter().filter_map(|name| rows.get(name.as_str())).take(MOST) {
+                    li { (named(&row.flight, pages)) ": " (shown(&row.answer())) }
+                }
+                @if new.len() > MOST { li { "and " (number::count((new.len() - MOST) as u64)) " more, in since-last-run.json" } }
+            }
         }
     }
 }

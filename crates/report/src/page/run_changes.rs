@@ -95,8 +95,8 @@ pub(super) fn sections(changes: &RunChanges, names: &Names<'_>) -> Markup {
         (advice(&changes.advice, names))
         (rerun(changes, names))
         (names.words("New alarms", &changes.alarms_new))
+        (new_flights(changes, names))
         (names.words("New remarks", &changes.remarks_new))
-        (names.section("New flights", &changes.new))
         (names.section("New flights that cannot be measured", &changes.new_not_measurable))
         (names.section("No longer there", &changes.gone))
         (names.words("No longer failing", &changes.recovered_from()))
@@ -115,6 +115,22 @@ pub(super) fn causes(causes: &[ChangeCause]) -> String {
     match causes {
         [] => "an unknown cause".to_owned(),
         causes => causes.iter().map(|cause| cause.word()).collect::<Vec<_>>().join(", "),
+    }
+}
+
+/// New flights with what was found in them.
+fn new_flights(changes: &RunChanges, names: &Names<'_>) -> Markup {
+    let answers = changes.new_answers.iter().map(String::as_str).chain(std::iter::repeat(""));
+    html! {
+        @if !changes.new.is_empty() {
+            h3 { "New flights: " (number::count(changes.new.len() as u64)) }
+            ul {
+                @for (flight, answer) in changes.new.iter().zip(answers).take(MOST) {
+                    li { (names.flight(flight)) @if !answer.is_empty() { ": " (shown(answer)) } }
+                }
+                @if changes.new.len() > MOST { li { "and " (number::count((changes.new.len() - MOST) as u64)) " more, in " (names.all) } }
+            }
+        }
     }
 }
 

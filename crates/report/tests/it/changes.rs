@@ -50,6 +50,8 @@ fn the_page_lists_new_rerun_moved_and_newly_failing_flights() {
     for said in [
         "1 newly failing, 1 with a lateness that moved by more than 2 σ, 2 computed again, 1 new, 1 gone, 1 no longer failing.",
         "flightlag was 0.1.0, is 0.2.0.",
+        "New flights: 1",
+        "flight-0000.mcap: position.gps is late against the IMU. Helped: error 1.82 m, after 1.32 m.",
         "2 flights, the log has changed: ",
         "flight-0003.mcap: harmed",
         "flight-0004.mcap: log was damaged",

@@ -95,6 +95,7 @@ fn changes() -> RunChanges {
     RunChanges {
         compared: 14,
         new: vec![flight(0)],
+        new_answers: vec!["position.gps is 210 ± 4 ms late. Removing 210 ms helped.".into()],
         gone: vec![flight(1)],
         rerun: vec![RerunCause { flight: flight(2), causes: vec![ChangeCause::Log] }],
         moved: vec![moved(3, Some(3.5)), moved(4, None)],
