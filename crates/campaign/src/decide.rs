@@ -117,6 +117,9 @@ fn decision_of(asked: DelaySource, removed: &RemovedDelay, lateness: &FlightLate
         decision.contradicted =
             doubt_of_card(lateness).or_else(|| crate::known_lateness::contradiction_of_card(lateness, &decision));
     }
+    if decision.contradicted.is_none() {
+        decision.contradicted = crate::known_lateness::velocity_before_motion(lateness, &decision);
+    }
     if let (None, Some(Finding::CannotTell(why))) = (decision.used, &lateness.card) {
         decision.words = why.clone();
     }

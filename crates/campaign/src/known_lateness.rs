@@ -38,11 +38,36 @@ fn with_card(lateness: &FlightLateness, decision: &Decision) -> Option<Estimate>
     Some(plus(&lateness.position_minus_velocity_s?, &card.card.velocity_delay_s?))
 }
 
+/// A smaller difference is no contradiction, s.
+const LEAST_S: f64 = 0.02;
+/// Nor is a difference of fewer standard uncertainties.
+const CERTAIN_U: f64 = 3.0;
+
+/// How a stated delay or a card contradicts a flight that shows only the difference between position and velocity: by a
+/// smaller delay the velocity would come before the motion.
+pub(crate) fn velocity_before_motion(lateness: &FlightLateness, decision: &Decision) -> Option<String> {
+    let is_given = matches!(decision.used, Some(DelaySource::Fixed | DelaySource::Card));
+    let is_absolute = lateness.lateness.as_ref().is_some_and(|channel| channel.relative_to.is_none());
+    if !is_given || is_absolute {
+        return None;
+    }
+    let (apart_s, removed_s) = (lateness.position_minus_velocity_s?, decision.delay_s?);
+    let u_s = apart_s.standard_uncertainty?.hypot(decision.standard_uncertainty_s.unwrap_or(0.0));
+    let early_s = apart_s.value - removed_s;
+    (early_s > LEAST_S.max(CERTAIN_U * u_s)).then(|| {
+        format!(
+            "position - velocity is {} ms in this flight: if the position is only {:.1} ms late, the velocity comes {:.0} ms \
+             before the motion",
+            crate::delay::in_ms(&apart_s),
+            1e3 * removed_s,
+            1e3 * early_s
+        )
+    })
+}
+
 /// How a card that gives the removed delay and that of the velocity differs from the flight, which shows the difference
 /// of both.
 pub(crate) fn contradiction_of_card(lateness: &FlightLateness, decision: &Decision) -> Option<String> {
-    const LEAST_S: f64 = 0.02;
-    const CERTAIN_U: f64 = 3.0;
     let seen_s = with_card(lateness, decision)?;
     let card = lateness.card.as_ref()?.found()?;
     let excess_s = seen_s.value - card.delay_s.value;

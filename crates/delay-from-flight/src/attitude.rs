@@ -36,7 +36,15 @@ const AXES: [usize; 3] = [0, 1, 2];
 pub(crate) fn lateness_s(flight: &Flight, attitude: &str, force: &str, notices: &mut Notices) -> f64 {
     let Some((_, device)) = force.split_once('.') else { return 0.0 };
     let gyro = format!("angular-rate.{device}");
-    let (Some(turned), Some(rate)) = (flight.channels.get(attitude), flight.channels.get(&gyro)) else { return 0.0 };
+    let Some(turned) = flight.channels.get(attitude) else { return 0.0 };
+    let Some(rate) = flight.channels.get(&gyro) else {
+        let text = format!(
+            "not tested for lateness, for the log has no {gyro}: if it is late, every lateness against {force} comes out too \
+             short, by up to as much"
+        );
+        notices.push(Code::AttitudeShift, attitude, 1, text);
+        return 0.0;
+    };
     let Some(found) = Turns::of(turned, rate).and_then(|turns| turns.lateness()) else { return 0.0 };
     let size_s = found.value.abs();
     if size_s < LEAST_S {

@@ -145,6 +145,9 @@ pub fn guess(log: &Log) -> Result<Guess, String> {
             reasons.join("; ")
         });
     }
+    if let Some(why) = of_other_starts(&places, &motions) {
+        return Err(why);
+    }
     reasons.extend(sources.iter().flat_map(|source| &source.lost_heights).cloned());
     Ok(with_bodies(&sources, places, motions, reasons, log.tables.len() > 1))
 }
@@ -218,9 +221,24 @@ fn with_bodies<'l>(
     Guess { summary: first + &guess.summary + &notes.concat(), ..guess }
 }
 
-/// Tables whose time begins at zero in their own first row and that have different durations. They may have started at
-/// different times.
-fn own_starts<'t>(times: &[(&'t str, &Timing)]) -> BTreeSet<&'t str> {
+/// Tables whose time begins at zero in their own first row. They may have started at different times.
+struct OwnStarts<'t> {
+    tables: BTreeSet<&'t str>,
+    /// They last equally long, as if they had started together.
+    last_equally: bool,
+}
+
+impl OwnStarts<'_> {
+    fn is_doubtful(&self) -> bool {
+        self.tables.len() > 1 && !self.last_equally
+    }
+
+    fn listed(&self) -> String {
+        self.tables.iter().copied().collect::<Vec<_>>().join(" and ")
+    }
+}
+
+fn own_starts<'t>(times: &[(&'t str, &Timing)]) -> OwnStarts<'t> {
     let own = |timing: &Timing| {
         let given = || timing.times_s.iter().copied().filter(|t| t.is_finite());
         let (first, second, last) = (given().next()?, given().nth(1)?, given().next_back()?);
@@ -231,24 +249,45 @@ fn own_starts<'t>(times: &[(&'t str, &Timing)]) -> BTreeSet<&'t str> {
     let lasts = || all.iter().map(|(_, (last, _))| *last);
     let step = all.iter().map(|(_, (_, step))| *step).fold(0.0, f64::max);
     let apart = lasts().fold(f64::MIN, f64::max) - lasts().fold(f64::MAX, f64::min);
-    if apart > 2.0 * step { all.into_iter().map(|(topic, _)| topic).collect() } else { BTreeSet::new() }
+    OwnStarts { tables: all.into_iter().map(|(topic, _)| topic).collect(), last_equally: apart <= 2.0 * step }
 }
 
-/// Removes attitudes, rates and forces in another such table than the position and the velocity. Their delays would be
-/// wrong by the time between the starts. Returns the notice.
+/// Why a position and a velocity in tables that may have started at different times are not bound.
+fn of_other_starts(places: &[Found<'_, Place>], motions: &[Found<'_, Motion>]) -> Option<String> {
+    let of_places = places.iter().map(|place| (place.topic, &place.timing));
+    let times: Vec<(&str, &Timing)> = of_places.chain(motions.iter().map(|m| (m.topic, &m.timing))).collect();
+    let own = own_starts(&times);
+    let is_one = places.iter().any(|place| motions.iter().any(|motion| motion.topic == place.topic));
+    (own.is_doubtful() && !is_one).then(|| {
+        format!(
+            "the times of {} each start at the first row of their table, and the tables last differently long: it is \
+             unknown when each started, so no delay between them can be measured; log them with one clock, or name their \
+             columns in a channel map if they have one",
+            own.listed()
+        )
+    })
+}
+
+/// Removes attitudes, rates and forces in another such table than the position and the velocity, if the tables do not
+/// last equally long. Their delays would be wrong by the time between the starts. Returns the notice.
 fn leave_out_of_other_starts(bodies: &mut Vec<Found<'_, body::Body>>, times: &[(&str, &Timing)]) -> Option<String> {
     let of_bodies = bodies.iter().map(|body| (body.topic, &body.timing));
     let all: Vec<(&str, &Timing)> = times.iter().copied().chain(of_bodies).collect();
-    let doubtful = own_starts(&all);
-    if doubtful.len() < 2 {
+    let own = own_starts(&all);
+    if own.tables.len() < 2 {
         return None;
     }
-    bodies.retain(|body| !doubtful.contains(body.topic) || times.iter().any(|(topic, _)| *topic == body.topic));
-    let tables: Vec<&str> = doubtful.into_iter().collect();
+    let start = format!("the times of {} each start at the first row of their table", own.listed());
+    if own.last_equally {
+        return Some(format!(
+            "{start}. The tables last equally long and are taken to have started together: if they did not, each delay \
+             between them is wrong by the difference"
+        ));
+    }
+    bodies.retain(|body| !own.tables.contains(body.topic) || times.iter().any(|(topic, _)| *topic == body.topic));
     Some(format!(
-        "the times of {} each start at the first row of their table, and it is unknown whether these started \
-         together: no delay between these tables is certain; log them with one clock",
-        tables.join(" and ")
+        "{start}, and it is unknown whether these started together: no delay between these tables is certain; log them \
+         with one clock"
     ))
 }
 

@@ -247,8 +247,12 @@ pub(super) fn named(head: &TableHead, path: &str) -> Option<Named> {
         (words, ending)
     };
     let all = words.clone();
-    let (role, source) = body_role_of(&words, &ending).or_else(|| role_of(&words, &ending))?;
     let stated = head.unit_of(path);
+    let of_body: Vec<Unit> = match read(stated, Dimension::Acceleration) {
+        Written::Unit(unit) => vec![unit],
+        _ => ending.clone(),
+    };
+    let (role, source) = body_role_of(&words, &of_body).or_else(|| role_of(&words, &ending))?;
     let (unit, odd_unit) = match read(stated, role.dimension()) {
         Written::Unit(unit) => (Some(unit), None),
         Written::Blank => (ending.iter().copied().find(|unit| unit.dimension() == role.dimension()), None),
@@ -395,7 +399,7 @@ const BODY_FILLERS: &[&str] = &[
 ];
 const OF_RATE: &[&str] =
     &["rate", "rates", "gyro", "gyr", "gyroscope", "omega", "angular", "angularrate", "speed", "velocity"];
-const OF_FORCE: &[&str] = &["acc", "accel", "accelerometer", "acceleration", "force"];
+const OF_FORCE: &[&str] = &["a", "acc", "accel", "accelerometer", "acceleration", "force"];
 
 fn angle_of(word: &str) -> Option<Role> {
     Some(match word {
@@ -415,29 +419,39 @@ fn axis_of_angle(role: Role) -> Axis {
     }
 }
 
-/// `rollrate`, `yawspeed`, `gyrox`, `wz`, `ax`, and a lone `p`, `q` or `r`.
-fn fused_body(word: &str, is_alone: bool) -> Option<Role> {
+/// `rollrate`, `yawspeed`, `gyrox`, `xgyro`, `wz`, `gx`, `ax`, and a lone `p`, `q` or `r`. In a unit of acceleration `gx`,
+/// `nx` and `fx` are forces.
+fn fused_body(word: &str, is_alone: bool, of_acceleration: bool) -> Option<Role> {
     let of_angle = ["rate", "speed"].iter().find_map(|ending| angle_of(word.strip_suffix(ending)?));
-    let of_axis = |fronts| fused(word, fronts).filter(|axis| matches!(axis, Axis::X | Axis::Y | Axis::Z));
+    let of_axis = |names: &[&str]| {
+        let behind = || names.iter().filter(|name| name.len() > 1).find_map(|name| axis_of(word.strip_suffix(name)?));
+        fused(word, names).or_else(behind).filter(|axis| matches!(axis, Axis::X | Axis::Y | Axis::Z))
+    };
+    if of_acceleration && let Some(axis) = of_axis(&["g", "n", "f"]) {
+        return Some(Role::Force(axis));
+    }
     let alone = match word {
         "p" if is_alone => Some(Axis::X),
         "q" if is_alone => Some(Axis::Y),
         "r" if is_alone => Some(Axis::Z),
         _ => None,
     };
-    let rate = of_angle.map(axis_of_angle).or_else(|| of_axis(&["gyro", "gyr", "omega", "w"])).or(alone);
+    let rate = of_angle.map(axis_of_angle).or_else(|| of_axis(&["gyro", "gyr", "omega", "w", "g"])).or(alone);
     rate.map(Role::Rate).or_else(|| of_axis(&["acc", "accel", "a"]).map(Role::Force))
 }
 
-/// An attitude, an angular rate or a specific force by its name: every word of it has to be known.
+/// An attitude, an angular rate or a specific force by its name: every word of it has to be known. `ending` are the units
+/// that it may end in.
 fn body_role_of(words: &[String], ending: &[Unit]) -> Option<(Role, String)> {
     let (mut angle, mut axis, mut whole) = (None, None, None);
     let (mut is_rate, mut is_force) = (false, false);
     let mut left: Vec<&str> = vec![];
     let is_source = |word: &str| SOURCES.contains(&word);
     let is_alone = words.iter().filter(|word| !is_source(word)).count() == 1;
+    let states = |dimension| ending.iter().any(|unit| unit.dimension() == dimension);
+    let of_acceleration = states(Dimension::Acceleration);
     for word in words.iter().map(String::as_str) {
-        match angle_of(word).or_else(|| fused_body(word, is_alone)) {
+        match angle_of(word).or_else(|| fused_body(word, is_alone, of_acceleration)) {
             Some(role @ (Role::Roll | Role::Pitch | Role::Yaw)) => angle = Some(role).filter(|_| angle.is_none()),
             Some(role) => whole = Some(role),
             None if OF_FORCE.contains(&word) => is_force = true,
@@ -452,7 +466,6 @@ fn body_role_of(words: &[String], ending: &[Unit]) -> Option<(Role, String)> {
     if angle == Some(Role::Yaw) && has(words, "motion") {
         return None;
     }
-    let states = |dimension| ending.iter().any(|unit| unit.dimension() == dimension);
     let says_rate = words.iter().any(|word| OF_RATE.contains(&word.as_str()) && !OF_VELOCITY.contains(&word.as_str()));
     let role = match (angle, whole, axis) {
         (None, Some(role), None) => role,
@@ -581,6 +594,15 @@ mod tests {
             ("q", Rate(Axis::Y), "", None),
             ("acc_y", Force(Axis::Y), "", None),
             ("AccelZ [m/s^2]", Force(Axis::Z), "", Some("m/s^2")),
+            ("gx", Rate(Axis::X), "", None),
+            ("Gy [rad/s]", Rate(Axis::Y), "", Some("rad/s")),
+            ("gz_rps", Rate(Axis::Z), "", Some("rad/s")),
+            ("xgyro", Rate(Axis::X), "", None),
+            ("zacc", Force(Axis::Z), "", None),
+            ("gx [g]", Force(Axis::X), "", Some("g0")),
+            ("NZ [g]", Force(Axis::Z), "", Some("g0")),
+            ("fx [m/s^2]", Force(Axis::X), "", Some("m/s^2")),
+            ("aY [g]", Force(Axis::Y), "", Some("g0")),
             ("linear_acceleration_x", Force(Axis::X), "", None),
         ]);
     }

@@ -111,9 +111,9 @@ fn needs_guess(bound: &Result<(Flight, Binding), IngestError>, library: &MapLibr
         Ok((flight, binding)) => {
             let has = |wanted: &[Quantity]| flight.channels.values().any(|channel| wanted.contains(&channel.quantity));
             let both = has(&[Quantity::PositionGeodetic, Quantity::PositionNed]) && has(&[Quantity::VelocityNed]);
-            let any = has(&[Quantity::PositionGeodetic, Quantity::PositionNed, Quantity::VelocityNed]);
             // A bench is not an incomplete flight.
-            any && !both && library.get(&binding.map).is_ok_and(|map| map.shipped)
+            let is_bench = has(&[Quantity::EncoderAngle, Quantity::EncoderCount]);
+            !is_bench && !both && library.get(&binding.map).is_ok_and(|map| map.shipped)
         }
         Err(IngestError::Map(_)) => true,
         Err(_) => false,

@@ -5,7 +5,7 @@ use super::{
     velocities_in_words, words,
 };
 use crate::config::Pipeline;
-use crate::known_lateness::{contradiction_of_card, known, velocity_lateness_s};
+use crate::known_lateness::{contradiction_of_card, known, velocity_before_motion, velocity_lateness_s};
 use crate::line::{DelayLine, LineParts};
 use delay_network::{NetworkSettings, PairObservation, ReferenceUse, lineage_from_name, solve};
 use flight::Notices;
@@ -97,6 +97,28 @@ fn the_mean_of_the_other_flights_judges_only_a_flight_that_shows_the_same_differ
 }
 
 /// Former bug: "harmed" where the card said, rightly, that the velocity is late, too.
+/// A stated delay of 100 ms, where the position is 300 ms later than the velocity.
+#[test]
+fn a_stated_delay_that_puts_the_velocity_before_the_motion_is_contradicted() {
+    let of = |apart_s: f64, used: DelaySource| {
+        let lateness = FlightLateness {
+            velocity: Some("velocity.gps".into()),
+            position_minus_velocity_s: Some(estimate(apart_s, 0.001)),
+            ..unknown("k")
+        };
+        let stated =
+            Decision { used: Some(used), delay_s: Some(0.1), standard_uncertainty_s: Some(0.001), ..decision(None) };
+        velocity_before_motion(&lateness, &stated)
+    };
+    let text = of(0.3, DelaySource::Fixed).unwrap();
+    assert!(text.starts_with("position - velocity is 300.0 ± 2.0 ms in this flight") && text.contains("200 ms before"));
+    assert!(of(0.3, DelaySource::Card).is_some());
+    // A velocity that is late explains a larger delay.
+    assert_eq!(of(0.05, DelaySource::Fixed), None);
+    assert_eq!(of(0.115, DelaySource::Fixed), None);
+    assert_eq!(of(0.3, DelaySource::Flight), None);
+}
+
 #[test]
 fn a_card_with_the_velocity_judges_a_flight_that_shows_only_a_difference() {
     let with = |apart_s: f64| {

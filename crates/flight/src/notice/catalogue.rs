@@ -283,9 +283,10 @@ catalogue! {
             AttitudeShift, "attitude-shift", [Warning, Info],
                 "The attitude is later or earlier than the gyro of the IMU. If it is later, it was shifted before it \
                  rotates the accelerometer to north and east. If it is earlier, the IMU is late, as behind a filter, and \
-                 the accelerometer was shifted. It is info below 20 ms.",
+                 the accelerometer was shifted. It is info below 20 ms. Without a gyro the attitude cannot be tested, and a late \
+                 one makes each lateness against the IMU too short.",
                 "Nothing for the delay of the position. If you use the attitude or the IMU itself, correct its timestamps by \
-                 the stated amount. If an attitude is early by more than 20 ms, check its timestamps.";
+                 the stated amount. If an attitude is early by more than 20 ms, check its timestamps. Log the gyro with the accelerometer.";
             FlightDelayChanges, "flight-delay-changes", [Warning],
                 "The delay measured in this flight, or in a record of the bench, changes. `bench` ends with exit code 3.",
                 "Look at the curve of the delay over time before you remove a constant delay.";

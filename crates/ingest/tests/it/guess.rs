@@ -512,7 +512,8 @@ fn a_time_that_goes_back_is_named_with_its_line() {
     assert_eq!(of(&loaded, Quantity::VelocityNed).series.len(), 880);
 }
 
-/// Two tables of different length, each counting from its first row: delays would include the time between the starts.
+/// Two tables, each counting from its first row: delays would include the time between the starts. Equal lengths make
+/// equal starts likely, and the text says that this is assumed.
 #[test]
 fn an_imu_that_may_have_started_at_another_time_is_not_bound() {
     let summary_of = |imu_begins_s: f64, imu_counts_from_s: f64| {
@@ -538,11 +539,34 @@ fn an_imu_that_may_have_started_at_another_time_is_not_bound() {
         });
         summary(&load(&tables(&paths)).unwrap())
     };
-    for shared in [summary_of(0.0, 0.0), summary_of(7.3, 0.0)] {
-        assert!(shared.contains("specific-force") && !shared.contains("started together"), "{shared}");
-    }
+    let shared = summary_of(7.3, 0.0);
+    assert!(shared.contains("specific-force") && !shared.contains("first row of their table"), "{shared}");
+    let equal = summary_of(0.0, 0.0);
+    assert!(equal.contains("specific-force") && equal.contains("taken to have started together"), "{equal}");
     let own = summary_of(7.3, 7.3);
     assert!(!own.contains("specific-force") && own.contains("it is unknown whether these started together"), "{own}");
+}
+
+/// A position and a velocity in two such tables of different length.
+#[test]
+fn a_position_and_a_velocity_that_may_have_started_at_different_times_are_not_bound() {
+    let position =
+        table("time,lat,lon", |t, [latitude, longitude, _], _| format!("{t},{},{}", deg(latitude), deg(longitude)));
+    let bound = |velocity_begins_s: f64, counts_from_s: f64| {
+        let velocity = table("time,vn,ve", |t, _, [n, e, _]| format!("{:.2},{n},{e}", t - counts_from_s));
+        let rows = velocity.lines().enumerate().filter(|(i, _)| *i == 0 || *i as f64 > 10.0 * velocity_begins_s);
+        let velocity: String = rows.map(|(_, line)| format!("{line}\n")).collect();
+        let folder = tempfile::tempdir().unwrap();
+        let paths = [("gps.csv", &position), ("ins.csv", &velocity)].map(|(name, text)| {
+            let path = folder.path().join(name);
+            std::fs::write(&path, text).unwrap();
+            path
+        });
+        load(&tables(&paths)).unwrap().binding.map(|_| ())
+    };
+    assert_eq!(bound(2.0, 0.0), Ok(()), "one clock");
+    let why = bound(2.0, 2.0).unwrap_err();
+    assert!(why.contains("it is unknown when each started") && why.contains("one clock"), "{why}");
 }
 
 #[test]
@@ -1021,4 +1045,16 @@ fn a_path_too_straight_to_identify_yaw_is_reported() {
     let summary = &loaded.flight.notices.iter().find(|n| n.code == "bound-by-guess").unwrap().text;
     assert!(summary.contains("roll, pitch and yaw: the path is too straight to decide"), "{summary}");
     assert!(loaded.flight.channels.values().all(|channel| channel.quantity != Quantity::Attitude));
+}
+
+/// Names that are those of a bench's table except for position and velocity.
+#[test]
+fn a_flight_whose_attitude_is_named_as_on_the_bench_is_bound_by_guess() {
+    let header = "time_s,lat_deg,lon_deg,alt_m,vel_north_mps,vel_east_mps,vel_down_mps,roll_deg,pitch_deg,yaw_deg";
+    let text = table(header, |t, [a, b, h], [n, e, u]| {
+        format!("{t:.2},{:.9},{:.9},{h:.3},{n:.4},{e:.4},{:.4},0.5,1.0,{:.3}", deg(a), deg(b), -u, t % 360.0)
+    });
+    let loaded = load_text(&text);
+    assert_eq!(loaded.binding.as_ref().unwrap().map, "guess");
+    assert!(loaded.flight.channels.contains_key("position.gps") && loaded.flight.channels.contains_key("velocity.gps"));
 }
