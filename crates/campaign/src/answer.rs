@@ -560,7 +560,8 @@ fn advice(
     health: &LogHealth,
 ) -> DelayAdvice {
     let mut set = vec![];
-    if lateness_s.value <= 0.0 {
+    let is_only_a_bound = |own: &ChannelLateness| record::is_one_sided(own.lateness_s.value, own.interval_95_s);
+    if lateness_s.value <= 0.0 || out.lateness.as_ref().is_some_and(is_only_a_bound) {
         return DelayAdvice::default();
     }
     let value = (lateness_s.value * 1e3).round() / 1e3;

@@ -129,6 +129,26 @@ fn a_flight_whose_position_is_not_on_the_card_stays_uncompensated() {
 }
 
 #[test]
+fn two_cards_of_one_day_that_contradict_each_other_are_refused() {
+    let case = Case::new(|_| {});
+    std::fs::create_dir(case.path("cards")).unwrap();
+    std::fs::write(
+        case.path("p.toml"),
+        "schema = 1\n[delay]\ncards = \"cards\"\n[sensor]\nmodel = \"M\"\nserial = \"1\"\n",
+    )
+    .unwrap();
+    let keep = |name: &str| std::fs::copy(case.path("m.card.toml"), case.path("cards").join(name)).unwrap();
+    keep("a.card.toml");
+    case.write_card(|card| card.channels[0].delay_s = 0.401);
+    keep("b.card.toml");
+    assert_eq!(case.run().1.outcome, Outcome::Compensated, "they agree");
+    case.write_card(|card| card.channels[0].delay_s = 0.2);
+    keep("b.card.toml");
+    let Outcome::Uncompensated { reason } = case.run().1.outcome else { panic!() };
+    assert!(reason.contains("a.card.toml") && reason.contains("are of the same day (2026-02-03)"), "{reason}");
+}
+
+#[test]
 fn shards_of_a_cluster_need_the_manifest_but_no_card() {
     let case = Case::new(|_| {});
     let quiet = |_: &Event| {};

@@ -168,8 +168,8 @@ fn read(path: &Path, texts: &mut Texts) -> Result<Vec<Brief>, String> {
     texts.briefs_of(current(table)?)
 }
 
-/// The latest row of each flight, by campaign and flight. A renamed log is the same flight: of rows of one campaign
-/// with the same content, the one of the latest run counts.
+/// The latest row of each flight, by campaign and flight. A renamed log is the same flight, also in a renamed campaign or
+/// in two campaigns: of rows with the same content, the one of the latest run counts.
 #[must_use]
 pub fn latest_briefs(rows: &[Brief]) -> Vec<&Brief> {
     let mut latest: HashMap<(&str, &str), &Brief> = HashMap::with_capacity(rows.len());
@@ -181,21 +181,20 @@ pub fn latest_briefs(rows: &[Brief]) -> Vec<&Brief> {
     }
     // Of copies in one run, the flight that counts comes first.
     let newer = |row: &Brief, known: &Brief| {
-        (row.run_ns, row.duplicate_of.is_none(), &known.flight)
-            > (known.run_ns, known.duplicate_of.is_none(), &row.flight)
+        (row.run_ns, row.duplicate_of.is_none(), &known.campaign, &known.flight)
+            > (known.run_ns, known.duplicate_of.is_none(), &row.campaign, &row.flight)
     };
-    let mut by_content: HashMap<(&str, u64), &Brief> = HashMap::new();
+    let mut by_content: HashMap<u64, &Brief> = HashMap::new();
     for row in latest.values() {
         let Some(hash) = row.log_hash else { continue };
-        let known = by_content.entry((&row.campaign, hash)).or_insert(row);
+        let known = by_content.entry(hash).or_insert(row);
         if newer(row, known) {
             *known = row;
         }
     }
-    let counts = |row: &&Brief| {
-        row.log_hash
-            .is_none_or(|hash| by_content.get(&(&*row.campaign, hash)).is_none_or(|one| one.flight == row.flight))
-    };
+    let is_same = |a: &Brief, b: &Brief| (&a.campaign, &a.flight) == (&b.campaign, &b.flight);
+    let counts =
+        |row: &&Brief| row.log_hash.is_none_or(|hash| by_content.get(&hash).is_none_or(|one| is_same(one, row)));
     let mut latest: Vec<&Brief> = latest.into_values().filter(counts).collect();
     latest.sort_unstable_by(|a, b| (&a.campaign, &a.flight).cmp(&(&b.campaign, &b.flight)));
     latest
@@ -288,7 +287,15 @@ mod tests {
             row("odd-too", 1, Some("?"), None),
             row("unread-too", 1, None, None),
         ];
-        let names: Vec<&str> = latest_briefs(&rows).iter().map(|row| &*row.flight).collect();
-        assert_eq!(names, ["new", "odd", "odd-too", "other", "unread", "unread-too"]);
+        let names = |rows: &[Brief]| -> Vec<String> {
+            latest_briefs(rows).iter().map(|row| format!("{}/{}", row.campaign, row.flight)).collect()
+        };
+        assert_eq!(names(&rows), ["c/new", "c/odd", "c/odd-too", "c/other", "c/unread", "c/unread-too"]);
+        // The campaign was renamed, or another one has the same logs.
+        let in_other = |row: &Brief, run_ns: i64| Brief { campaign: "d".into(), run_ns, ..row.clone() };
+        let later = [&rows[..], &[in_other(&rows[3], 3)]].concat();
+        assert_eq!(names(&later), ["c/new", "c/odd", "c/odd-too", "c/unread", "c/unread-too", "d/other"]);
+        let same_run = [&rows[..], &[in_other(&rows[3], 1)]].concat();
+        assert_eq!(names(&same_run), names(&rows));
     }
 }
