@@ -1,14 +1,14 @@
 //! Wording of a lateness and of a difference, and other consequences of an answer.
 
 use super::{
-    advice_in, contradicts_reference, fly, kind_of, other_receivers, receivers_in_words, unknown, unused_imu,
+    advice, advice_in, contradicts_reference, fly, kind_of, other_receivers, receivers_in_words, unknown, unused_imu,
     velocities_in_words, words,
 };
 use crate::config::Pipeline;
 use crate::known_lateness::{contradiction_of_card, known, velocity_before_motion, velocity_lateness_s};
 use crate::line::{DelayLine, LineParts};
 use delay_network::{NetworkSettings, PairObservation, ReferenceUse, lineage_from_name, solve};
-use flight::Notices;
+use flight::{LogHealth, Notices};
 use record::{
     CardDelay, CardUse, ChannelLateness, Decision, DelayAdvice, DelayAlarm, DelayKind, DelayOverTime, DelayPairKind,
     DelaySetting, DelaySource, Estimate, Finding, FlightDelays, FlightLateness, Gravity, GroupLateness, JudgedBy,
@@ -339,6 +339,19 @@ fn a_companion_file_is_reported_as_such_without_a_delay_alarm() {
     let alarms: Vec<(Gravity, &str, &str)> =
         alarms.iter().map(|a| (a.gravity, a.code.as_str(), a.text.as_str())).collect();
     assert_eq!(alarms, [(Gravity::Grey, "companion", "a log of the ground station")]);
+}
+
+/// Of a filter against its own IMU only bounds are known: the value is the lower one.
+#[test]
+fn a_lateness_of_which_only_bounds_are_known_is_no_setting() {
+    let with = |interval_95_s: [f64; 2]| {
+        let lateness_s = estimate(0.2, 0.03);
+        let own = ChannelLateness { lateness_s, interval_95_s, ..late(0.2, None).lateness.unwrap() };
+        let out = FlightLateness { lateness: Some(own), ..unknown("k") };
+        advice(&lateness_s, &out, None, &LogHealth::default()).set.into_iter().map(|set| set.name).collect::<Vec<_>>()
+    };
+    assert_eq!(with([0.14, 0.26]), ["position_s"]);
+    assert_eq!(with([0.194, 0.32]), [""; 0]);
 }
 
 #[test]
