@@ -1,8 +1,7 @@
 //! The flight as input to the compensators: seconds and metres from one origin.
 
 use crate::settings::Settings;
-use delay_from_flight::Averaged;
-use delay_from_flight::Horizontal;
+use delay_from_flight::{Averaged, Horizontal};
 use flight::{Channel, Clock, Code, Flight, Geodetic, LocalFrame, Notices, Quantity, Severity, Stamp, StampKind};
 
 /// Why a flight cannot be replayed. Each message says what would help.

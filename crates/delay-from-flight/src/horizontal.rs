@@ -13,7 +13,8 @@ pub struct Horizontal {
 }
 
 impl Horizontal {
-    /// One axis at rising instants, linear between samples and constant outside them.
+    /// One axis at rising instants, linear between samples and constant outside them. At least one
+    /// sample is needed.
     pub fn walk(&self, axis: usize) -> impl FnMut(f64) -> f64 {
         let y = &self.axes[axis];
         let mut after = 0;

@@ -91,7 +91,8 @@ pub fn measure_delays(flight: &Flight, settings: &FlightDelaySettings) -> (Fligh
     (FlightDelays { pairs: all }, notices)
 }
 
-/// Lateness of `velocity` against `reference`, a position or a velocity.
+/// Lateness of the channel `velocity` against the channel `reference`, a position or a velocity; positive if the velocity
+/// is later. Or why it cannot be measured.
 #[must_use]
 pub fn measure_against_reference(
     flight: &Flight,

@@ -57,7 +57,10 @@ impl TrackFitter {
         }
     }
 
-    /// The delay of `track` (m), searched around `expected_s`, or why it cannot be measured.
+    /// The delay of `track` (m), searched around `expected_s`.
+    ///
+    /// # Errors
+    /// Why it cannot be measured: too few fixes, no overlap with the velocity, or no fit.
     pub fn fit(&mut self, track: Horizontal, expected_s: f64) -> Result<TrackFit, String> {
         let search_s = about(expected_s);
         let settings = FlightDelaySettings { search_s, ..FlightDelaySettings::default() };

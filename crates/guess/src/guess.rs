@@ -260,16 +260,16 @@ fn of_other_starts(places: &[Found<'_, Place>], motions: &[Found<'_, Motion>]) -
     let is_one = places.iter().any(|place| motions.iter().any(|motion| motion.topic == place.topic));
     (own.is_doubtful() && !is_one).then(|| {
         format!(
-            "the times of {} each start at the first row of their table, and the tables last differently long: it is \
+            "the times of {} each start at the first row of their table, and the tables differ in length: it is \
              unknown when each started, so no delay between them can be measured; log them with one clock, or name their \
-             columns in a channel map if they have one",
+             columns in a channel map if they have one clock",
             own.listed()
         )
     })
 }
 
-/// Removes attitudes, rates and forces in another such table than the position and the velocity, if the tables do not
-/// last equally long. Their delays would be wrong by the time between the starts. Returns the notice.
+/// Removes attitudes, rates and forces in another such table than the position and the velocity, if the tables differ in
+/// length. Their delays would be wrong by the time between the starts. Returns the notice.
 fn leave_out_of_other_starts(bodies: &mut Vec<Found<'_, body::Body>>, times: &[(&str, &Timing)]) -> Option<String> {
     let of_bodies = bodies.iter().map(|body| (body.topic, &body.timing));
     let all: Vec<(&str, &Timing)> = times.iter().copied().chain(of_bodies).collect();
@@ -280,7 +280,7 @@ fn leave_out_of_other_starts(bodies: &mut Vec<Found<'_, body::Body>>, times: &[(
     let start = format!("the times of {} each start at the first row of their table", own.listed());
     if own.last_equally {
         return Some(format!(
-            "{start}. The tables last equally long and are taken to have started together: if they did not, each delay \
+            "{start}. The tables have the same length and are taken to have started together: if they did not, each delay \
              between them is wrong by the difference"
         ));
     }

@@ -122,7 +122,7 @@ pub struct RunChanges {
     pub compared: u64,
     /// New flights.
     pub new: Vec<NamedFlight>,
-    /// What was found in each of them, in one or two sentences; empty if it could not be read.
+    /// What was found in each of them, in their order, in one to three sentences; empty if unknown.
     #[serde(default)]
     pub new_answers: Vec<String>,
     /// Flights that are gone.

@@ -96,7 +96,6 @@ fn the_mean_of_the_other_flights_judges_only_a_flight_that_shows_the_same_differ
     assert!((same.velocity_late_s.unwrap().value - 0.02).abs() < 1e-12);
 }
 
-/// Former bug: "harmed" where the card said, rightly, that the velocity is late, too.
 /// A stated delay of 100 ms, where the position is 300 ms later than the velocity.
 #[test]
 fn a_stated_delay_that_puts_the_velocity_before_the_motion_is_contradicted() {
@@ -119,6 +118,7 @@ fn a_stated_delay_that_puts_the_velocity_before_the_motion_is_contradicted() {
     assert_eq!(of(0.3, DelaySource::Flight), None);
 }
 
+/// Former bug: "harmed" where the card said, rightly, that the velocity is late, too.
 #[test]
 fn a_card_with_the_velocity_judges_a_flight_that_shows_only_a_difference() {
     let with = |apart_s: f64| {

@@ -16,7 +16,7 @@ const RATE_TOLERANCE: f64 = 0.2;
 pub(super) fn delay_of(cards: &[UsedCard], case: &Case<'_>) -> Result<FoundDelay, String> {
     let days = case.days();
     let used = best(cards, days).ok_or("there is no sensor card")?;
-    if let Some(why) = contradicting(cards, used, case.position.0) {
+    if let Some(why) = contradicting(cards, used, days, case.position.0) {
         return Err(why);
     }
     Reading { used, card: used.card(), case, days, notices: Notices::new() }.delay()
@@ -94,8 +94,8 @@ fn best(cards: &[UsedCard], days: Option<Days>) -> Option<&UsedCard> {
     cards.iter().max_by_key(rank)
 }
 
-/// Another card that was measured on the day of `used` and contradicts its delay of a channel: neither is the newer one.
-fn contradicting(cards: &[UsedCard], used: &UsedCard, channel: &str) -> Option<String> {
+/// Why no card can be used: another one is as valid and as new as `used`, and contradicts its delay of a channel.
+fn contradicting(cards: &[UsedCard], used: &UsedCard, days: Option<Days>, channel: &str) -> Option<String> {
     const LEAST_S: f64 = 1e-3;
     const CERTAIN_U: f64 = 3.0;
     let lateness_of = |used: &UsedCard| {
@@ -104,16 +104,18 @@ fn contradicting(cards: &[UsedCard], used: &UsedCard, channel: &str) -> Option<S
     };
     let own = lateness_of(used)?;
     cards.iter().filter(|other| other.name() != used.name()).find_map(|other| {
-        let same_day = other.card().measured_on == used.card().measured_on;
-        let theirs = lateness_of(other).filter(|_| same_day)?;
+        let rank = |used: &UsedCard| (Validity::of(used.card(), days).is_doubtful(), used.card().measured_on.clone());
+        let theirs = lateness_of(other).filter(|_| rank(other) == rank(used))?;
         let u_s = own.standard_uncertainty.unwrap_or(0.0).hypot(theirs.standard_uncertainty.unwrap_or(0.0));
         ((own.value - theirs.value).abs() > LEAST_S.max(CERTAIN_U * u_s)).then(|| {
             let [a, b] = [&own, &theirs].map(crate::delay::in_ms);
-            let ([one, two], day) = ([used.name(), other.name()], used.card().measured_on.as_deref());
+            let [one, two] = [used.name(), other.name()];
+            let when = match &used.card().measured_on {
+                Some(day) => format!("are of the same day ({day})"),
+                None => "have no date of measurement".to_owned(),
+            };
             format!(
-                "{one} and {two} are of the same day ({}), and say that {channel} is {a} and {b} ms late: remove the card \
-                 that is wrong",
-                day.unwrap_or("none is stated")
+                "{one} and {two} {when}, and say that {channel} is {a} and {b} ms late: remove the card that is wrong"
             )
         })
     })

@@ -12,8 +12,7 @@ use crate::input::Input;
 use crate::rows::{Rows, median_step};
 use crate::settings::Settings;
 use crate::validity::{DelayModel, Delays, ValidityBand};
-use delay_from_flight::AXES;
-use delay_from_flight::{TrackFit, TrackFitter};
+use delay_from_flight::{AXES, TrackFit, TrackFitter};
 use record::{CompensatorScore, Estimate, Finding, HelpfulBand, ReferenceScore, ReplayScores, ResidualDelay};
 use std::ops::Range;
 
