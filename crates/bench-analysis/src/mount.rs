@@ -81,14 +81,23 @@ pub fn mount_finding(
     }
     ask_for_witnesses(&mut checks);
     checks.extend(stated_mode_check(flexibility));
-    let pace = alignment.clues.iter().map(|clue| pace(&clue.fit.states)).fold(0.0, f64::max);
-    let own: Vec<&str> = channels.iter().filter(|c| is_own_effect(c, pace)).map(|c| c.name.as_str()).collect();
+    let fastest = alignment.clues.iter().map(|clue| pace(&clue.fit.states)).fold(0.0, f64::max);
+    let own: Vec<&str> = channels.iter().filter(|c| is_own_effect(c, fastest)).map(|c| c.name.as_str()).collect();
     for check in checks.iter_mut().filter(|check| own.iter().any(|name| check.name.ends_with(name))) {
         check.of_rig = false;
         if check.agrees == Some(false) {
             check.agrees = None;
             check.text += "; not compared: this channel lags, or its delay was not measured";
         }
+    }
+    let found_s = |name: &str| Some(channels.iter().find(|c| c.name == name)?.delay.as_ref()?.delay.seconds());
+    let at_other_part =
+        |c: &&Clue| found_s(&c.name).is_some_and(|found_s| is_misaligned(found_s, c.delay_s, pace(&c.fit.states)));
+    let misaligned: Vec<&str> = alignment.clues.iter().filter(at_other_part).map(|c| c.name.as_str()).collect();
+    for check in checks.iter_mut().filter(|check| misaligned.iter().any(|name| check.name.ends_with(name))) {
+        check.of_rig = false;
+        check.agrees = None;
+        check.text += "; not compared: it was aligned with another part of the swing than its delay shows";
     }
     if inputs.bends {
         checks.iter_mut().for_each(excuse_what_bending_explains);
@@ -168,6 +177,15 @@ const LAG_MATTERS_RAD: f64 = 0.08;
 fn is_own_effect(channel: &ChannelDynamics, pace: f64) -> bool {
     let matters = |lags: &[Estimate]| lags.iter().map(|lag| lag.value).sum::<f64>() * pace > LAG_MATTERS_RAD;
     channel.delay.is_none() || channel.lags().is_some_and(|(_, lags)| matters(lags))
+}
+
+/// A channel aligned with the swing at this phase from its delay, rad, is aligned with another part of it.
+const MISALIGNED_RAD: f64 = 0.5;
+
+/// Whether the coarse delay, at which the mount was fitted, is not that of the channel. A swing repeats: half a period
+/// later all signs are reversed.
+fn is_misaligned(found_s: f64, coarse_s: f64, pace: f64) -> bool {
+    (found_s - coarse_s).abs() * pace > MISALIGNED_RAD
 }
 
 /// Angular frequency of the swing, rad/s: rms of its acceleration over that of its rate.
@@ -394,6 +412,17 @@ mod tests {
         let rate = pace(&[at(0.5), at(-1.0)]);
         assert!((rate - 4.0).abs() < 1e-12);
         assert!(!is_own_effect(&with(0.007), rate) && is_own_effect(&with(0.11), rate));
+    }
+
+    /// Former bug: a barometer aligned half a period of its height off showed the encoder's zero 180° off, and every delay
+    /// of the record was in doubt.
+    #[test]
+    fn a_channel_aligned_half_a_period_off_does_not_accuse_the_encoder() {
+        // A swing of 0.41 Hz raises and lowers the sensor at 0.82 Hz.
+        let (pace, half_period_s) = (TAU * 0.41, 0.5 / 0.82);
+        assert!(is_misaligned(0.13, 0.13 + half_period_s, pace) && is_misaligned(0.13, 0.13 - half_period_s, pace));
+        // The coarse delay of a lag differs from that of the fit.
+        assert!(!is_misaligned(0.12, 0.147, pace));
     }
 
     #[test]

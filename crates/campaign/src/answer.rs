@@ -207,7 +207,11 @@ fn network_of(
         },
         ..NetworkSettings::default()
     };
-    let solved = |settings: &NetworkSettings| solve(&pairs, &lineage_from_name, settings).map(covering_its_intervals);
+    let is_untested = no_attitude_is_tested(delays);
+    let solved = |settings: &NetworkSettings| {
+        let network = covering_its_intervals(solve(&pairs, &lineage_from_name, settings)?);
+        Some(if is_untested { with_untested_attitude(network) } else { network })
+    };
     let network = solved(&settings);
     match network.as_ref().and_then(contradicts_reference) {
         Some(text) => {
@@ -260,6 +264,49 @@ fn covering_its_intervals(mut network: DelayNetwork) -> DelayNetwork {
 
 /// Standard deviations on each side that hold 95 % of a normal distribution.
 const NORMAL_95: f64 = 1.96;
+
+/// Standard uncertainty of the IMU's lateness that comes from an attitude whose own lateness is unknown, s. In a turn the
+/// attitude alone tells where the force points to, so its lateness counts in full. Attitudes of autopilots are within
+/// 30 ms, those behind a slow link or a filter some tens of milliseconds later.
+const UNTESTED_ATTITUDE_S: f64 = 0.03;
+
+/// Whether accelerations were compared, and none with an attitude that a gyro tested.
+fn no_attitude_is_tested(delays: &FlightDelays) -> bool {
+    let is_used = |p: &&PairDelay| p.delay.found().is_some() && p.not_for_network.is_none();
+    let kind = DelayPairKind::VelocityAgainstAcceleration;
+    let mut compared = delays.pairs.iter().filter(|p| p.kind == kind).filter(is_used).peekable();
+    compared.peek().is_some() && compared.all(|p| p.is_attitude_untested)
+}
+
+/// With the uncertainty of an untested attitude in every lateness against the IMU. It is common to all of them: the
+/// difference of two channels does not have it. The network is solved without it, so that a velocity that would come
+/// before the motion still shows that the IMU is late.
+fn with_untested_attitude(mut network: DelayNetwork) -> DelayNetwork {
+    let is_tied: Vec<bool> = network.channels.iter().map(|c| c.datum == NetworkDatum::Imu).collect();
+    if !is_tied.contains(&true) {
+        return network;
+    }
+    for (row, _) in network.covariance_s2.iter_mut().zip(&is_tied).filter(|(_, tied)| **tied) {
+        for (cell, _) in row.iter_mut().zip(&is_tied).filter(|(_, tied)| **tied) {
+            *cell += UNTESTED_ATTITUDE_S.powi(2);
+        }
+    }
+    for channel in network.channels.iter_mut().filter(|c| c.datum == NetworkDatum::Imu) {
+        let value = channel.lateness_s.value;
+        channel.lateness_s.standard_uncertainty =
+            channel.lateness_s.standard_uncertainty.map(|u| u.hypot(UNTESTED_ATTITUDE_S));
+        channel.model_uncertainty_s = channel.model_uncertainty_s.hypot(UNTESTED_ATTITUDE_S);
+        for end in &mut channel.interval_95_s {
+            let half_s = *end - value;
+            *end = value + half_s.signum() * half_s.hypot(NORMAL_95 * UNTESTED_ATTITUDE_S);
+        }
+    }
+    network.datum_words += &format!(
+        " No gyro shows how late its attitude is: {:.0} ms are assumed (standard uncertainty).",
+        1e3 * UNTESTED_ATTITUDE_S
+    );
+    network
+}
 
 fn observation(pair: &PairDelay) -> PairObservation {
     let observed = PairObservation::from(pair);
@@ -322,6 +369,10 @@ fn answered(
     out.alarms = alarms::of(&out, network, measured, over_time);
     out.alarms.extend(unused_imu(&out, delays));
     out.words = words(&out, pair, over_time);
+    if out.datum == NetworkDatum::Imu && no_attitude_is_tested(delays) {
+        out.words +=
+            &format!(". No gyro tests the attitude of the IMU: U holds {:.0} ms for it", 2e3 * UNTESTED_ATTITUDE_S);
+    }
     if let Some((reference, check)) = checked_by_reference(&out, delays) {
         out.words += &check;
         out.checked_against = Some(reference.to_owned());

@@ -33,7 +33,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Raised by hand when reading, binding or measuring a bench record gives different results.
-pub const BENCH_ANALYSIS_VERSION: u32 = 23;
+pub const BENCH_ANALYSIS_VERSION: u32 = 24;
 
 /// The request of the user.
 #[derive(Debug, Clone, PartialEq)]

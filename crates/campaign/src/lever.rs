@@ -24,17 +24,29 @@ pub(crate) struct Antenna {
 pub(crate) fn take_out(delays: &mut FlightDelays, flight: &Flight, about: &About, antenna: Antenna) {
     for pair in delays.pairs.iter_mut().filter(|p| p.kind == DelayPairKind::PositionAgainstVelocity) {
         let measured = lineage_from_name(&pair.first) == Lineage::Measured;
-        if !measured || lineage_from_name(&pair.second) != Lineage::Derived {
+        if !measured || is_of_antenna(flight, &pair.first, &pair.second) {
             continue;
         }
         let Finding::Found(found) = &mut pair.delay else { continue };
         let Some(sensitivity) = sensitivity(flight, &pair.second) else { continue };
-        let stated = antenna_arm(about, receiver_number(&pair.first), VelocityPoint::Origin);
+        // The parameters of an autopilot are about its own estimate of the velocity.
+        let is_filter = lineage_from_name(&pair.second) == Lineage::Derived;
+        let of_log = || antenna_arm(about, receiver_number(&pair.first), VelocityPoint::Origin);
+        let stated = is_filter.then(of_log).flatten();
         match arm_of(antenna, stated) {
             Some(arm) => take(found, &sensitivity, &arm),
             None => pair.lever_arm_s_per_decimetre = Some(0.1 * sensitivity.shift_s_per_m),
         }
     }
+}
+
+/// A velocity with more than this many updates for each of the position is not of its receiver.
+const MOST_UPDATES: f64 = 4.0;
+
+/// Whether the velocity is measured at the antenna: it is not a filter's output, and not much faster than the position.
+fn is_of_antenna(flight: &Flight, position: &str, velocity: &str) -> bool {
+    let updates = |name: &str| flight.channels.get(name).map_or(0.0, |channel| channel.update_count() as f64);
+    lineage_from_name(velocity) != Lineage::Derived && updates(velocity) <= MOST_UPDATES * updates(position)
 }
 
 /// The arm from the pipeline, else from the log's parameters.

@@ -27,7 +27,7 @@ pub(crate) fn check(out: &Path, inputs: &[PathBuf], replace: bool) -> Result<(),
     let (out, was) = (out.display(), known.lines().next().unwrap_or_default());
     let is = now.first().map(String::as_str).unwrap_or_default();
     Err(CampaignError::Asked(format!(
-        "{out}: holds the report of {was}, not of {is}; give another --out, or --replace to replace the report"
+        "{out}: holds the report of {was}, not of {is}; give another output folder, or replace this report (--replace of campaign, plan and bench)"
     )))
 }
 

@@ -31,24 +31,27 @@ const LEAST_S: f64 = 0.005;
 const WARN_S: f64 = 0.02;
 const AXES: [usize; 3] = [0, 1, 2];
 
-/// How much `attitude` is later than the gyro of the device of `force`, s. 0 if this is too little to matter, or if the
-/// log does not show it. A notice says what is done about it.
-pub(crate) fn lateness_s(flight: &Flight, attitude: &str, force: &str, notices: &mut Notices) -> f64 {
-    let Some((_, device)) = force.split_once('.') else { return 0.0 };
-    let gyro = format!("angular-rate.{device}");
-    let Some(turned) = flight.channels.get(attitude) else { return 0.0 };
-    let Some(rate) = flight.channels.get(&gyro) else {
+/// How much `attitude` is later than the gyro of the device of `force`, s; 0 if this is too little to matter, `None` if
+/// the log does not show it. A notice says what is done about it.
+pub(crate) fn lateness_s(flight: &Flight, attitude: &str, force: &str, notices: &mut Notices) -> Option<f64> {
+    let gyro = format!("angular-rate.{}", force.split_once('.')?.1);
+    let turned = flight.channels.get(attitude)?;
+    let rate = flight.channels.get(&gyro);
+    let Some(found) = rate.and_then(|rate| Turns::of(turned, rate)).and_then(|turns| turns.lateness()) else {
+        let (severity, why) = match rate {
+            Some(_) => (Severity::Info, format!("its rotations do not follow {gyro} closely enough")),
+            None => (Severity::Warning, format!("the log has no {gyro}")),
+        };
         let text = format!(
-            "not tested for lateness, for the log has no {gyro}: if it is late, every lateness against {force} comes out too \
-             short, by up to as much"
+            "not tested for lateness, for {why}: if it is late, every lateness against {force} comes out too short, by up to \
+             as much"
         );
-        notices.push(Code::AttitudeShift, attitude, 1, text);
-        return 0.0;
+        notices.push(Code::AttitudeShift.at(severity), attitude, 1, text);
+        return None;
     };
-    let Some(found) = Turns::of(turned, rate).and_then(|turns| turns.lateness()) else { return 0.0 };
     let size_s = found.value.abs();
     if size_s < LEAST_S {
-        return 0.0;
+        return Some(0.0);
     }
     let size = format!("{:.1} ± {:.1} ms", 1e3 * size_s, 1.96e3 * found.standard_uncertainty.unwrap_or_default());
     let text = match found.value > 0.0 {
@@ -60,7 +63,7 @@ pub(crate) fn lateness_s(flight: &Flight, attitude: &str, force: &str, notices: 
     };
     let severity = if size_s < WARN_S { Severity::Info } else { Severity::Warning };
     notices.push(Code::AttitudeShift.at(severity), attitude, 1, text);
-    found.value
+    Some(found.value)
 }
 
 /// Rotations from attitude to attitude, and the gyro.

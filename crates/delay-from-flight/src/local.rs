@@ -121,7 +121,7 @@ fn second_of(
         Second::Velocity(_) => (in_frame_axes(second, channel_of(flight, &pair.first)?, axes, averaged(notices)), None),
         Second::Acceleration(of) => {
             let out = Averaged::new((second, name), most, "the delay", notices);
-            let attitude = (channel_of(flight, &of.attitude)?, of.attitude_late_s);
+            let attitude = (channel_of(flight, &of.attitude)?, of.attitude_late_s.unwrap_or(0.0));
             let (force, body) = rotated(second, attitude, axes.origin, out);
             (force, Some(body))
         }

@@ -36,6 +36,7 @@ pub(crate) fn measure(
         delay: Finding::CannotTell(String::new()),
         varies: None,
         not_for_network: None,
+        is_attitude_untested: matches!(&pair.second, Second::Acceleration(of) if of.attitude_late_s.is_none()),
         lever_arm_s_per_decimetre: None,
     };
     let first_look = Look {

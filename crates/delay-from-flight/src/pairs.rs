@@ -23,8 +23,8 @@ pub(crate) enum Second {
 pub(crate) struct Rotated {
     pub(crate) attitude: String,
     pub(crate) specific_force: String,
-    /// How much later the attitude is than the gyro of the device, s.
-    pub(crate) attitude_late_s: f64,
+    /// How much later the attitude is than the gyro of the device, s; `None` if this is unknown.
+    pub(crate) attitude_late_s: Option<f64>,
 }
 
 impl Second {

@@ -116,7 +116,10 @@ fn latency_text(lines: &[LatencyLine]) -> String {
             known(&line.rate),
             known(&line.baud),
             line.datum.clone(),
-            line.flights.to_string(),
+            match line.odd_flights {
+                0 => line.flights.to_string(),
+                odd => format!("{}, {odd} odd", line.flights),
+            },
             if line.differs() { "no common delay".to_owned() } else { with_u(&mean, "s") },
             if line.flights > 1 { millis(line.between_s) } else { "-".to_owned() },
             millis(line.low_s),
@@ -128,7 +131,10 @@ fn latency_text(lines: &[LatencyLine]) -> String {
     } else {
         let differ = "no common delay: the flights differ by more than their uncertainties; `trend` shows when\n";
         let differ = if lines.iter().any(LatencyLine::differs) { differ } else { "" };
-        format!("± is U (k = 2) of the mean\n{differ}{}", table.text())
+        let odd =
+            "odd: it differs from the others by more than its uncertainty, and is not in the mean; `trend` names it\n";
+        let odd = if lines.iter().any(|line| line.odd_flights > 0) { odd } else { "" };
+        format!("± is U (k = 2) of the mean\n{differ}{odd}{}", table.text())
     }
 }
 

@@ -152,6 +152,22 @@ fn own_part(u: f64, common: f64) -> f64 {
     (u.powi(2) - common.powi(2)).max(LEAST_OWN_S.powi(2)).sqrt()
 }
 
+/// The part that all of some uncertainties share.
+fn common_part(u: &[f64], model: &[Option<f64>]) -> Option<f64> {
+    let shared = |(u, model): (&f64, &Option<f64>)| model.map_or(*u, |model| model.clamp(0.0, *u));
+    u.iter().zip(model).map(shared).min_by(f64::total_cmp)
+}
+
+/// Whether each flight is odd: it differs from the others by more than the uncertainties. More of them than a quarter
+/// are another kind of flight, and then none is odd.
+pub(crate) fn few_odd(x: &[f64], u: &[f64], model: &[Option<f64>]) -> Vec<bool> {
+    let common = common_part(u, model).unwrap_or(0.0);
+    let reading = |(value, u): (&f64, &f64)| Reading { value: *value, standard_uncertainty: own_part(*u, common) };
+    let odd = signal::outliers(&x.iter().zip(u).map(reading).collect::<Vec<Reading>>());
+    let are_few = 4 * odd.iter().filter(|odd| **odd).count() <= odd.len();
+    if are_few { odd } else { vec![false; odd.len()] }
+}
+
 impl SharedMean {
     /// Weighted mean of values with their standard uncertainties and the model part of those. The shared part is the
     /// smallest model part, as in the pool of a campaign's group ([`campaign`]'s `delay_network::pool`). Where the
@@ -169,32 +185,21 @@ impl SharedMean {
     }
 
     fn with(x: &[f64], u: &[f64], model: &[Option<f64>], spread: fn(&[f64], &[f64]) -> f64) -> Option<SharedMean> {
-        let shared = |(u, model): (&f64, &Option<f64>)| model.map_or(*u, |model| model.clamp(0.0, *u));
-        let common = u.iter().zip(model).map(shared).min_by(f64::total_cmp)?;
+        let common = common_part(u, model)?;
         let own: Vec<f64> = u.iter().map(|u| own_part(*u, common)).collect();
         let between = spread(x, &own);
         let (mean, own_u) = weighted_mean(x, &own, between)?;
         Some(SharedMean { mean, own_u, common, between })
     }
 
-    /// Probability that flights with one lateness differ as much as these (Cochran's Q), a few odd flights left out; `None`
-    /// for one flight. Their common part is in no difference.
+    /// Probability that flights with one lateness differ as much as these (Cochran's Q); `None` for one flight. Their
+    /// common part is in no difference.
     pub(crate) fn differ_p(&self, x: &[f64], u: &[f64]) -> Option<f64> {
-        let reading = |(value, u): (&f64, &f64)| signal::Reading {
-            value: *value,
-            standard_uncertainty: own_part(*u, self.common),
-        };
-        let all: Vec<signal::Reading> = x.iter().zip(u).map(reading).collect();
-        let odd = signal::outliers(&all);
-        // More of them than a quarter are another kind of flight.
-        let are_few = 4 * odd.iter().filter(|odd| **odd).count() <= all.len();
-        let odd = if are_few { odd } else { vec![false; all.len()] };
-        let alike = || all.iter().zip(&odd).filter(|(_, odd)| !**odd).map(|(reading, _)| reading);
-        let weight = |r: &signal::Reading| r.standard_uncertainty.powi(-2);
-        let mean = alike().map(|r| weight(r) * r.value).sum::<f64>() / alike().map(weight).sum::<f64>();
-        let q: f64 = alike().map(|r| weight(r) * (r.value - mean).powi(2)).sum();
-        let n = alike().count();
-        (n > 1).then(|| signal::chi_squared_tail(q, (n - 1) as f64))
+        let weight = |u: &f64| own_part(*u, self.common).powi(-2);
+        let all = || x.iter().zip(u.iter().map(weight));
+        let mean = all().map(|(x, w)| w * x).sum::<f64>() / all().map(|(_, w)| w).sum::<f64>();
+        let q: f64 = all().map(|(x, w)| w * (x - mean).powi(2)).sum();
+        (x.len() > 1).then(|| signal::chi_squared_tail(q, (x.len() - 1) as f64))
     }
 
     /// Standard uncertainty of the mean.

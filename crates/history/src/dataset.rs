@@ -182,7 +182,8 @@ pub fn latest_of(rows: impl IntoIterator<Item = Row>) -> Latest {
 
 pub(crate) fn read_file(path: &Path) -> Result<Vec<Row>, String> {
     let file = File::open(path).map_err(|e| format!("cannot be opened: {e}"))?;
-    let table = read_parquet(file).map_err(|e| format!("cannot be read: {e}"))?;
+    let table =
+        read_parquet(file).map_err(|e| format!("cannot be read: {e}. Restore it, or move it out of the history"))?;
     rows_of(current(table)?)
 }
 

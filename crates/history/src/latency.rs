@@ -1,12 +1,15 @@
 //! Lateness of positions, by receiver, firmware, rate and baud.
 
 use crate::brief::Brief;
-use crate::change_points::SharedMean;
+use crate::change_points::{SharedMean, few_odd};
 use crate::row::Dimension;
 #[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::Serialize;
 use std::collections::BTreeMap;
+
+/// Flights that differ as much as theirs with a smaller probability have no common lateness.
+const DIFFER_P: f64 = 0.01;
 
 /// One line of the table of latencies.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -24,6 +27,8 @@ pub struct LatencyLine {
     pub datum: String,
     /// Flights.
     pub flights: u64,
+    /// Those of them that differ from the others by more than the uncertainties: a few, and not in the mean.
+    pub odd_flights: u64,
     /// Weighted mean, s.
     pub lateness_s: f64,
     /// Its standard uncertainty, s, with Student's t for few flights. The part of the model error that all flights share
@@ -33,7 +38,7 @@ pub struct LatencyLine {
     pub lateness_common_u_s: f64,
     /// Standard deviation between flights in addition to their own uncertainties, s.
     pub between_s: f64,
-    /// Probability that flights with one lateness differ as much as these, odd ones left out; `None` for one flight.
+    /// Probability that flights with one lateness differ as much as these in the mean; `None` for one flight.
     /// Below 0.01 the mean describes none of them.
     pub differ_p: Option<f64>,
     /// Smallest, s.
@@ -46,7 +51,6 @@ impl LatencyLine {
     /// Whether the flights have no common lateness.
     #[must_use]
     pub fn differs(&self) -> bool {
-        const DIFFER_P: f64 = 0.01;
         self.differ_p.is_some_and(|p| p < DIFFER_P)
     }
 }
@@ -68,12 +72,12 @@ pub fn latency(latest: &[&Brief]) -> Vec<LatencyLine> {
     }
     let line = |(([receiver, firmware, rate, baud], datum), mut rows): (Key, Vec<&Brief>)| {
         rows.sort_by_key(|row| row.order());
-        let of = |of: &dyn Fn(&Brief) -> Option<f64>| rows.iter().filter_map(|row| of(row)).collect::<Vec<f64>>();
-        let (x, u) = (of(&|row| row.lateness_s), of(&|row| row.lateness_u_s));
-        let model: Vec<Option<f64>> = rows.iter().map(|row| row.lateness_model_u_s).collect();
-        let mean = SharedMean::of_one_line(&x, &u, &model)?;
+        let latenesses =
+            rows.iter().filter_map(|row| Some((row.lateness_s?, row.lateness_u_s?, row.lateness_model_u_s)));
+        let (x, u, model): (Vec<f64>, Vec<f64>, Vec<Option<f64>>) = latenesses.collect();
         let end = |pick: fn(f64, f64) -> f64| x.iter().copied().reduce(pick);
         let (low_s, high_s, flights) = (end(f64::min)?, end(f64::max)?, x.len() as u64);
+        let (mean, kept, differ_p) = without_few_odd(&x, &u, &model).or_else(|| mean_of(&x, &u, &model))?;
         Some(LatencyLine {
             receiver,
             firmware,
@@ -81,16 +85,34 @@ pub fn latency(latest: &[&Brief]) -> Vec<LatencyLine> {
             baud,
             datum,
             flights,
+            odd_flights: flights - kept as u64,
             lateness_s: mean.mean,
-            lateness_u_s: mean.u_of(x.len()),
+            lateness_u_s: mean.u_of(kept),
             lateness_common_u_s: mean.common,
             between_s: mean.between,
-            differ_p: mean.differ_p(&x, &u),
+            differ_p,
             low_s,
             high_s,
         })
     };
     lines.into_iter().filter_map(line).collect()
+}
+
+/// A mean, its number of flights, and the probability that flights of one lateness differ as much as these.
+type Pooled = (SharedMean, usize, Option<f64>);
+
+fn mean_of(x: &[f64], u: &[f64], model: &[Option<f64>]) -> Option<Pooled> {
+    let mean = SharedMean::of_one_line(x, u, model)?;
+    Some((mean, x.len(), mean.differ_p(x, u)))
+}
+
+/// The mean without a few odd flights, if the rest have one lateness.
+fn without_few_odd(x: &[f64], u: &[f64], model: &[Option<f64>]) -> Option<Pooled> {
+    let odd = few_odd(x, u, model);
+    let alike = x.iter().zip(u).zip(model).zip(&odd).filter(|(_, odd)| !**odd);
+    let (x, u, model): (Vec<f64>, Vec<f64>, Vec<Option<f64>>) =
+        alike.map(|(((x, u), model), _)| (*x, *u, *model)).collect();
+    mean_of(&x, &u, &model).filter(|(_, _, differ_p)| differ_p.is_none_or(|p| p >= DIFFER_P))
 }
 
 #[cfg(test)]
@@ -160,6 +182,28 @@ mod tests {
         // Former bug: a mean of two firmwares looked like any other.
         assert!(found.differ_p.unwrap() < 1e-6, "{found:?}");
         assert!(line(8, Some(0.0075)).differ_p.unwrap() > 0.99 && line(1, None).differ_p.is_none());
+    }
+
+    /// Former bug: one odd flight of eight moved the mean, which `trend` said is without it.
+    #[test]
+    fn a_few_odd_flights_are_counted_and_not_in_the_mean() {
+        let line = |odd: usize| {
+            let row = |n: usize| Row {
+                flight: format!("{n:03}"),
+                datum: Some("imu".into()),
+                lateness_s: Some(if n < odd { 0.33 } else { 0.3 }),
+                lateness_u_s: Some(0.002),
+                lateness_model_u_s: Some(0.0),
+                ..Row::default()
+            };
+            let rows: Vec<Brief> = (0..8).map(|n| Brief::from(&row(n))).collect();
+            latency(&latest_briefs(&rows)).into_iter().next().unwrap()
+        };
+        let one = line(1);
+        assert_eq!((one.flights, one.odd_flights, one.high_s), (8, 1, 0.33), "{one:?}");
+        assert!((one.lateness_s - 0.3).abs() < 1e-9 && !one.differs(), "{one:?}");
+        let three = line(3);
+        assert!(three.odd_flights == 0 && three.differs(), "more than a quarter are another kind of flight: {three:?}");
     }
 
     /// One flight known to 1 ms and seven to 20 ms, spread over 0.5 s: the certain one does not decide.

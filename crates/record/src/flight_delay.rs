@@ -57,6 +57,9 @@ pub struct PairDelay {
     /// Why the pair must not be used in the delay network; `None` if it may be used.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub not_for_network: Option<String>,
+    /// Whether no gyro shows how late the attitude is that rotates the specific force.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub is_attitude_untested: bool,
     /// Change of the delay for each 0.1 m by which the antenna is ahead of the point at which velocity is measured, s;
     /// `None` if the lever arm is known or does not matter.
     #[serde(default, skip_serializing_if = "Option::is_none")]

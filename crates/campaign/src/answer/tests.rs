@@ -1,18 +1,18 @@
 //! Wording of a lateness and of a difference, and other consequences of an answer.
 
 use super::{
-    advice, advice_in, contradicts_reference, fly, kind_of, other_receivers, receivers_in_words, unknown, unused_imu,
-    velocities_in_words, words,
+    advice, advice_in, contradicts_reference, fly, kind_of, network_of, other_receivers, receivers_in_words, unknown,
+    unused_imu, velocities_in_words, words,
 };
 use crate::config::Pipeline;
 use crate::known_lateness::{contradiction_of_card, known, velocity_before_motion, velocity_lateness_s};
 use crate::line::{DelayLine, LineParts};
-use delay_network::{NetworkSettings, PairObservation, ReferenceUse, lineage_from_name, solve};
+use delay_network::{NetworkSettings, PairObservation, ReferenceUse, difference, lineage_from_name, solve};
 use flight::{LogHealth, Notices};
 use record::{
-    CardDelay, CardUse, ChannelLateness, Decision, DelayAdvice, DelayAlarm, DelayKind, DelayOverTime, DelayPairKind,
-    DelaySetting, DelaySource, Estimate, Finding, FlightDelays, FlightLateness, Gravity, GroupLateness, JudgedBy,
-    NetworkDatum, NetworkVerdict, PairDelay, SensorIdentity,
+    CardDelay, CardUse, ChannelLateness, Decision, DelayAdvice, DelayAlarm, DelayKind, DelayNetwork, DelayOverTime,
+    DelayPairKind, DelaySetting, DelaySource, Estimate, Finding, FlightDelays, FlightLateness, Gravity, GroupLateness,
+    JudgedBy, MeasuredDelay, NetworkDatum, NetworkVerdict, PairDelay, SensorIdentity,
 };
 
 fn estimate(value: f64, u: f64) -> Estimate {
@@ -189,6 +189,7 @@ fn an_imu_that_is_not_used_is_reported_with_its_reason() {
         delay: Finding::CannotTell(why.into()),
         varies: None,
         not_for_network: None,
+        is_attitude_untested: false,
         lever_arm_s_per_decimetre: None,
     };
     let delays = FlightDelays { pairs: vec![pair("velocity.ekf", "other"), pair("velocity.gps", "check axes")] };
@@ -396,4 +397,52 @@ fn a_parameter_that_would_shift_an_on_time_velocity_is_no_setting() {
     assert!(set.unsuitable && set.note == note, "{set:?}");
     let set = &crate::answer::advice_for(&lateness_s, &[&flights[0]]).set[0];
     assert!(!set.unsuitable, "{set:?}");
+}
+
+/// Without a gyro the lateness of the attitude is unknown: it is in U against the IMU, and in no difference.
+#[test]
+fn an_untested_attitude_widens_the_lateness_against_the_imu_only() {
+    let measured = |delay_s: f64| -> Finding<MeasuredDelay> {
+        let text = format!(
+            r#"{{"delay_s": {{"value": {delay_s}, "standard_uncertainty": 0.002}}, "interval_95_s": [0.0, 1.0], "hessian_s": 0.002,
+            "hac_s": 0.002, "widened_s": 0.0, "crlb_s": 0.0, "smallest_detectable_s": 0.0, "samples": 100,
+            "downweighted_share": 0.0, "rival_s": null, "pieces": [], "over_time": [], "homogeneity": null, "alarm": null,
+            "splits": [], "injections": []}}"#
+        );
+        let found: MeasuredDelay = serde_json::from_str(&text).unwrap();
+        Finding::Found(MeasuredDelay { interval_95_s: [delay_s - 0.004, delay_s + 0.004], ..found })
+    };
+    let pair = |kind, first: &str, second: &str, delay_s: f64, is_attitude_untested: bool| PairDelay {
+        kind,
+        first: first.into(),
+        second: second.into(),
+        meaning: String::new(),
+        origin: None,
+        excitation: None,
+        delay: measured(delay_s),
+        varies: None,
+        not_for_network: None,
+        is_attitude_untested,
+        lever_arm_s_per_decimetre: None,
+    };
+    let solved = |velocity_s: f64, is_untested: bool| {
+        use DelayPairKind::{PositionAgainstVelocity, VelocityAgainstAcceleration};
+        let imu = "attitude.ins + specific-force.imu";
+        let pairs = vec![
+            pair(PositionAgainstVelocity, "position.gps", "velocity.gps", 0.2, false),
+            pair(VelocityAgainstAcceleration, "velocity.gps", imu, velocity_s, is_untested),
+        ];
+        network_of(&FlightDelays { pairs }, Some("velocity.gps"), None, false).0.unwrap()
+    };
+    let (tested, untested) = (solved(0.1, false), solved(0.1, true));
+    let u = |n: &DelayNetwork| n.channel("position.gps").unwrap().lateness_s.standard_uncertainty.unwrap();
+    assert!((u(&untested) - u(&tested).hypot(0.03)).abs() < 1e-12, "{} {}", u(&untested), u(&tested));
+    let apart = |n: &DelayNetwork| difference(n, "position.gps", "velocity.gps").unwrap().standard_uncertainty.unwrap();
+    assert!((apart(&untested) - apart(&tested)).abs() < 1e-9);
+    let [low, high] = untested.channel("position.gps").unwrap().interval_95_s;
+    assert!((0.5 * (high - low) - 1.96 * u(&untested)).abs() < 1e-3, "{low} {high}");
+    assert!(untested.datum_words.ends_with("30 ms are assumed (standard uncertainty)."), "{}", untested.datum_words);
+    // A velocity that would come before the motion still shows that the IMU is late.
+    let early = solved(-0.06, true);
+    assert_eq!((early.datum, u(&early)), (NetworkDatum::Refused, u(&solved(-0.06, false))));
 }

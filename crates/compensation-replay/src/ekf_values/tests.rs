@@ -49,6 +49,7 @@ fn pair(
         delay: Finding::Found(measured),
         varies: None,
         not_for_network: None,
+        is_attitude_untested: false,
         lever_arm_s_per_decimetre: None,
     }
 }

@@ -739,6 +739,7 @@ fn attitude_and_accelerometer_are_shifted_to_the_same_time() {
         }
         let (delays, notices) = delay_from_flight::measure_delays(&flight, &quick());
         let shifted = notices.iter().find(|n| n.code == "attitude-shift").map(|n| n.text.clone());
+        assert_eq!(delays.pairs[0].is_attitude_untested, !with_gyro);
         (found(&delays.pairs[0]).delay_s.value, shifted)
     };
     let (wrong_s, said) = measured(0.1, false);

@@ -317,6 +317,7 @@ pub fn delays() -> FlightDelays {
         delay: Finding::Found(MeasuredDelay { alarm: None, ..measured_delay(0.398_2, 0.000_9) }),
         varies: None,
         not_for_network: None,
+        is_attitude_untested: false,
         lever_arm_s_per_decimetre: None,
         ..replayed_pair()
     };
@@ -345,6 +346,7 @@ fn replayed_pair() -> PairDelay {
         delay: Finding::Found(measured_delay(TD + 0.0093, 0.0021)),
         varies: None,
         not_for_network: None,
+        is_attitude_untested: false,
         lever_arm_s_per_decimetre: None,
     }
 }
@@ -361,6 +363,7 @@ fn still_pair() -> PairDelay {
         delay: Finding::CannotTell("the log holds no attitude on this clock: log it beside the specific force".into()),
         varies: None,
         not_for_network: None,
+        is_attitude_untested: false,
         lever_arm_s_per_decimetre: None,
     }
 }
