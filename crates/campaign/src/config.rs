@@ -4,6 +4,7 @@
 //! The resolved settings, not the text, name the results: a comment or a default spelled out
 //! changes nothing.
 
+use crate::answer::compensated_pair;
 use crate::cards::{CardFile, Pin, Shelf, UsedCard, chosen};
 use crate::criteria::Criteria;
 use crate::delay::{Case, Decided, DelayRule, FixedDelay, Known, measured_pair};
@@ -660,14 +661,17 @@ impl Pipeline {
         Ok((settings, decided))
     }
 
-    /// The settings that would remove the difference between position and velocity, if the position is later.
-    pub(crate) fn trial_settings(&self, case: &FlightCase<'_>) -> Result<Settings, String> {
-        let difference = case.lateness.position_minus_velocity_s.filter(|d| d.value > 0.0);
-        let delay = difference.and_then(|d| Delay::from_seconds(d.value)).unwrap_or(Delay::ZERO);
-        Ok(Settings {
-            delay_uncertainty_s: difference.and_then(|d| d.standard_uncertainty),
+    /// The settings that would remove the difference between position and velocity, or the mean of a difference that
+    /// changes. `None` if the position is not later.
+    pub(crate) fn trial_settings(&self, case: &FlightCase<'_>) -> Option<Settings> {
+        let FlightLateness { position_minus_velocity_s, position, velocity, kind, .. } = case.lateness;
+        let pair = || compensated_pair(case.delays, position.as_ref()?, velocity.as_ref()?)?.varies.as_ref();
+        let mean_s = || pair().filter(|_| kind.varies()).map(|over_time| over_time.level_s);
+        let difference_s = position_minus_velocity_s.or_else(mean_s).filter(|d| d.value > 0.0)?;
+        Some(Settings {
+            delay_uncertainty_s: difference_s.standard_uncertainty,
             delay_source: "trial: the difference between position and velocity".to_owned(),
-            ..self.settings(delay)
+            ..self.settings(Delay::from_seconds(difference_s.value)?)
         })
     }
 

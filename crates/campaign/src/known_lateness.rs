@@ -90,7 +90,7 @@ pub(crate) fn motion(lateness: &FlightLateness) -> MotionRms {
 }
 
 /// Whether other channels of the log contradict the clock of its reference.
-fn is_contradicted(lateness: &FlightLateness) -> bool {
+pub(crate) fn is_contradicted(lateness: &FlightLateness) -> bool {
     lateness.alarms.iter().any(|alarm| alarm.code == Alarm::ReferenceContradicted)
 }
 

@@ -2,6 +2,7 @@
 
 use crate::config::Pipeline;
 use crate::error::CampaignError;
+use crate::known_lateness;
 use crate::logs::Library;
 use crate::manifest::FoundReference;
 use crate::reference_rule::ReferenceRule;
@@ -201,7 +202,8 @@ impl ReferenceLog {
     }
 }
 
-/// Sets the final clock of the reference file once the network is solved.
+/// Sets the final clock of the reference file once the network is solved. A reference whose clock is contradicted leaves
+/// the flight: it judges nothing.
 pub(crate) fn settle(
     flight: &mut Flight,
     reference: Option<&ReferenceLog>,
@@ -210,6 +212,12 @@ pub(crate) fn settle(
 ) {
     if let Some((reference, known)) = reference.zip(lateness.reference_file.as_ref()) {
         reference.join_as(flight, pipeline, known.clock.clone());
+    }
+    if known_lateness::is_contradicted(lateness) {
+        let of_file = lateness.reference_file.iter().flat_map(|file| &file.channels);
+        for name in of_file.chain(pipeline.reference()) {
+            flight.channels.remove(name);
+        }
     }
 }
 

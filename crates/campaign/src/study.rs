@@ -167,8 +167,7 @@ impl Replaying {
                     true => Outcome::Uncompensated { reason },
                     false => Outcome::NotMeasurable { reason },
                 };
-                let trial = self.trial(case, &mut draft.notices).ok();
-                let (trial, explorer) = trial.unzip();
+                let (trial, explorer) = self.trial(case, &mut draft.notices).unzip();
                 Studied { record: FlightRecord { outcome, trial, ..draft }, track: None, explorer }
             }
         }
@@ -188,15 +187,14 @@ impl Replaying {
         ))
     }
 
-    /// Replays as if the difference between position and velocity were removed, or nothing if the position is not
-    /// later, so that the page of a flight without removal can show its track.
-    fn trial(&self, case: &FlightCase<'_>, notices: &mut Notices) -> Result<(ReplayRecord, ExplorerRows), String> {
-        let settings = self.pipeline.trial_settings(case)?;
-        let done = sketch(case.flight, &settings).map_err(|refusal| refusal.to_string())?;
+    /// Replays as if the difference between position and velocity were removed, so that the page of a flight without
+    /// removal can show its track. `None` if the position is not later.
+    fn trial(&self, case: &FlightCase<'_>, notices: &mut Notices) -> Option<(ReplayRecord, ExplorerRows)> {
+        let done = sketch(case.flight, &self.pipeline.trial_settings(case)?).ok()?;
         // Nothing was removed, so only the notices about what is drawn belong to the flight.
         let left_out = done.notices.iter().filter(|notice| notice.code == Code::SamplesLeftOut.name());
         left_out.for_each(|notice| notices.add(notice.clone()));
-        Ok((done.record, done.explorer))
+        Some((done.record, done.explorer))
     }
 
     /// Removes the decided delay, and sweeps others for comparison.

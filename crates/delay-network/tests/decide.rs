@@ -295,6 +295,16 @@ fn a_group_of_two_receivers_is_pooled_per_receiver() {
     assert_eq!(decision.pools[1].flights, 5);
 }
 
+/// Former bug: with delays of 1 and 199 ms, a third flight got "100 ± 400 ms".
+#[test]
+fn two_flights_that_differ_give_no_mean_to_a_third() {
+    let third = undecided("third", |position| position.datum = NetworkDatum::None);
+    let removed = by_default(&with(vec![flight("a", 0.001), flight("b", 0.199)], third.clone()));
+    assert_eq!((removed.value_s, removed.source), (None, None), "{}", removed.words);
+    let alike = by_default(&with(vec![flight("a", 0.198), flight("b", 0.199)], third));
+    assert_eq!(alike.source, Some(DelaySource::OthersFlights));
+}
+
 #[test]
 fn a_flight_with_a_varying_delay_is_in_no_mean() {
     let varying = FlightSources { keep_out_of_pool: Some("its delay steps".to_owned()), ..flight("own", 0.215) };

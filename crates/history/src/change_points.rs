@@ -6,7 +6,7 @@
 //! 1. `τ` is estimated from differences of neighbours, so that steps hardly increase it: the mean of
 //!    `min(d² / (u[i]² + u[i+1]² + 2 τ²), 6)` is that of a χ² distribution with one degree of freedom, clipped in the same way.
 //! 2. A value that is far from the medians of the three values before it and of the three after it is an outlier. It is
-//!    listed, and excluded from the search.
+//!    listed, and excluded from the search. It must not hide in the spread, so that is also estimated without it.
 //! 3. The threshold `β` is found by simulation: many series without a step are drawn with the same uncertainties and a
 //!    known spread, `τ` is estimated again for each, and their best single step exceeds `β` with the wanted false alarm
 //!    rate. The distribution of `τ` is unknown, and it is estimated worst where it is about as large as the
@@ -34,6 +34,9 @@ use signal::{Reading, mean_of, median_by_selection};
 const LEAST: usize = 3;
 /// A value more than this many standard deviations from both sides is an outlier.
 const ODD_SIGMAS: f64 = 5.0;
+/// Fewest values among which a hidden outlier is searched for, and the probability with which one value seems to be one.
+const LEAST_HIDDEN: usize = 8;
+const HIDDEN_P: f64 = 1e-4;
 /// Limit of a squared difference over its variance, so that a step or an outlier hardly increases the spread.
 const CLIP: f64 = 6.0;
 /// Mean of χ² with one degree of freedom clipped at that limit: `P(χ²₃ ≤ 6) + 6 P(χ²₁ > 6)`.
@@ -90,8 +93,7 @@ pub const FALSE_ALARM: f64 = 0.01;
 
 /// Finds the steps of a series. `u` are standard uncertainties.
 pub(crate) fn change_points(x: &[f64], u: &[f64], looks: Looks) -> ChangePoints {
-    let between = spread(x, u);
-    let outliers = find_outliers(x, u, between);
+    let outliers = find_outliers(x, u);
     let kept: Vec<usize> = (0..x.len()).filter(|i| outliers.binary_search(i).is_err()).collect();
     let [x, mut u] = [x, u].map(|values| kept.iter().map(|&i| values[i]).collect::<Vec<f64>>());
     if looks == Looks::Every && !u.is_empty() {
@@ -250,9 +252,37 @@ pub(crate) fn spread(x: &[f64], u: &[f64]) -> f64 {
     (0.5 * (low + high)).sqrt()
 }
 
-/// Values that are far from those before them and from those after them. At an end there is only one side.
-fn find_outliers(x: &[f64], u: &[f64], between: f64) -> Vec<usize> {
-    let far = |i: usize, side: std::ops::Range<usize>| {
+/// Values that are far from those before them and from those after them, ascending.
+fn find_outliers(x: &[f64], u: &[f64]) -> Vec<usize> {
+    let between = spread(x, u);
+    let mut outliers: Vec<usize> =
+        if x.len() < 4 { vec![] } else { (0..x.len()).filter(|i| is_far(x, u, *i, between, ODD_SIGMAS)).collect() };
+    while let Some(one) = hidden_outlier(x, u, &outliers) {
+        outliers.push(one);
+        outliers.sort_unstable();
+    }
+    outliers
+}
+
+/// An outlier that the spread hides, to which it contributes twice: the value without which the spread is smallest, if it
+/// is far with that spread. `None` in a long series, where one value contributes little, and after a quarter of all.
+fn hidden_outlier(x: &[f64], u: &[f64], known: &[usize]) -> Option<usize> {
+    let kept: Vec<usize> = (0..x.len()).filter(|i| known.binary_search(i).is_err()).collect();
+    if kept.len() < LEAST_HIDDEN || x.len() > LONGEST || 4 * (known.len() + 1) > x.len() {
+        return None;
+    }
+    let [x, u] = [x, u].map(|values| kept.iter().map(|&i| values[i]).collect::<Vec<f64>>());
+    let without = |values: &[f64], at: usize| [&values[..at], &values[at + 1..]].concat();
+    let spread_without = |at: usize| (at, spread(&without(&x, at), &without(&u, at)));
+    let (at, between) = (0..x.len()).map(spread_without).min_by(|a, b| a.1.total_cmp(&b.1))?;
+    let sigmas = signal::student_quantile(1.0 - 0.5 * HIDDEN_P, FREEDOM * x.len() as f64).max(ODD_SIGMAS);
+    is_far(&x, &u, at, between, sigmas).then(|| kept[at])
+}
+
+/// Whether a value is far from the medians of the three before it and of the three after it. At an end there is only one
+/// side.
+fn is_far(x: &[f64], u: &[f64], i: usize, between: f64, sigmas: f64) -> bool {
+    let far = |side: std::ops::Range<usize>| {
         if side.is_empty() {
             return true;
         }
@@ -260,10 +290,9 @@ fn find_outliers(x: &[f64], u: &[f64], between: f64) -> Vec<usize> {
         let own = side.clone().map(|k| u[k].powi(2)).sum::<f64>() / side.len() as f64;
         let variance = u[i].powi(2) + between.powi(2) + (own + between.powi(2)) / 2.0;
         let middle = median_by_selection(&x[side]).unwrap_or_default();
-        (x[i] - middle).abs() > ODD_SIGMAS * variance.sqrt().max(TINY)
+        (x[i] - middle).abs() > sigmas * variance.sqrt().max(TINY)
     };
-    let is_outlier = |i: &usize| far(*i, i.saturating_sub(3)..*i) && far(*i, i + 1..(i + 4).min(x.len()));
-    if x.len() < 4 { vec![] } else { (0..x.len()).filter(is_outlier).collect() }
+    far(i.saturating_sub(3)..i) && far(i + 1..(i + 4).min(x.len()))
 }
 
 /// Cumulative sums, from which the cost of any segment follows.
@@ -622,6 +651,17 @@ mod tests {
         x[17] += 60.0;
         let points = change_points(&x, &u, Looks::One);
         assert_eq!((points.outliers.as_slice(), points.changes.as_slice()), (&[][..], &[17][..]));
+    }
+
+    /// Former bug: one odd flight of fourteen raised the spread so much that neither it nor a step of 100 ms was found.
+    #[test]
+    fn an_outlier_near_a_step_hides_neither() {
+        let mut x = [0.2002, 0.1999, 0.2017, 0.2012, 0.1991, 0.3490, 0.1998, 0.2031].to_vec();
+        x.extend([0.3004, 0.3008, 0.2993, 0.3022, 0.3000, 0.3025]);
+        for looks in [Looks::One, Looks::Every] {
+            let found = change_points(&x, &[0.002; 14], looks);
+            assert_eq!((found.outliers, found.changes), (vec![5], vec![8]));
+        }
     }
 
     #[test]

@@ -260,17 +260,11 @@ impl DelayPool {
     const SURELY: f64 = 1e-3;
 
     /// The mean that describes the group, without outliers. `None` where too few flights are left, or where they differ
-    /// so much that the mean describes none of them.
+    /// so much that the mean describes none of them: if a group has three different delays, no delay is an outlier; if it
+    /// has two, both are.
     #[must_use]
     pub fn described(&self) -> Option<PoolMean> {
         self.without_its_outliers().filter(|mean| !self.differ_about(mean))
-    }
-
-    /// Whether the flights differ so much that no mean describes them: if a group has three different delays, no delay
-    /// is an outlier.
-    #[must_use]
-    pub fn has_no_mean(&self) -> bool {
-        self.without_its_outliers().is_some_and(|mean| self.differ_about(&mean))
     }
 
     fn without_its_outliers(&self) -> Option<PoolMean> {

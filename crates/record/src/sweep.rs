@@ -92,7 +92,10 @@ impl DelayChoice {
         let comparable = |source| source != self.used && ![source, self.used].contains(&DelaySource::Flight);
         let removed = self.candidates.iter().find(|c| c.source == self.used).and_then(|c| c.delay_s.found());
         let Some(removed) = removed else { return };
-        let best = sweep.and_then(|s| s.optimum.found()).map(|best| (DelaySource::Sweep, best.delay_s));
+        // Without a reference the optimum is the difference to the velocity, which is not a lateness.
+        let of_reference = |s: &&DelaySweep| matches!(s.score, SweepScore::ErrorAgainst(_));
+        let best = sweep.filter(of_reference).and_then(|s| s.optimum.found());
+        let best = best.map(|best| (DelaySource::Sweep, best.delay_s));
         let best = best.filter(|_| self.candidates.iter().all(|c| c.source != DelaySource::Sweep));
         let found = self.candidates.iter().filter_map(|c| Some((c.source, *c.delay_s.found()?)));
         self.differences = found

@@ -91,7 +91,9 @@ pub(crate) fn criterion_why(finding: &CriterionFinding) -> String {
         (_, CriterionVerdict::Inconclusive, Some(margin)) if margin != 0.0 => {
             let needed = in_unit(&number::significant(margin.abs() / finding.unit.si, 2), finding);
             let side = if margin < 0.0 { "FAIL" } else { "PASS" };
-            format!("the 95\u{a0}% interval crosses the limit; at this value it would {side} with U below {needed}")
+            format!(
+                "the 95\u{a0}% interval crosses the limit; at this value it would {side} with an interval of less than ± {needed}"
+            )
         }
         (_, CriterionVerdict::Inconclusive, _) => "the 95\u{a0}% interval crosses the limit".to_owned(),
         _ => format!("the whole 95\u{a0}% interval is {beyond} the limit"),
@@ -143,7 +145,11 @@ mod tests {
         assert_eq!(criterion_interval(&pass).unwrap(), "115.3\u{a0}to\u{a0}121.5");
         let unsure = finding(0.149, Some(0.001_55), Limit::Between([0.1, 0.15]), CriterionVerdict::Inconclusive);
         assert!(criterion_sentence(&unsure).ends_with("criterion 100 to 150\u{a0}ms: INCONCLUSIVE"));
-        assert!(criterion_why(&unsure).ends_with("would PASS with U below 1.0\u{a0}ms"), "{}", criterion_why(&unsure));
+        assert!(
+            criterion_why(&unsure).ends_with("would PASS with an interval of less than ± 1.0\u{a0}ms"),
+            "{}",
+            criterion_why(&unsure)
+        );
         let none = CriterionFinding {
             value: None,
             interval_95: None,

@@ -87,14 +87,14 @@ impl AppliesTo {
         if !self.reference && self.duration_at_least_s.is_none() {
             return Applying::Yes;
         }
-        let replay = match subject.replay() {
+        if self.reference && subject.has_reference() == Some(false) {
+            return Applying::No("applies to flights with a reference to score against".to_owned());
+        }
+        let replay = match subject.replayed() {
             Ok(replay) => replay,
             Err(why) => return Applying::CannotTell(why),
         };
         match self.duration_at_least_s {
-            _ if self.reference && replay.pair.reference.is_none() => {
-                Applying::No("applies to flights with a reference to score against".to_owned())
-            }
             Some(least) if replay.coverage.duration_s < least => {
                 Applying::No(format!("applies to flights of at least {least} s"))
             }

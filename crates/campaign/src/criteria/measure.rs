@@ -35,7 +35,7 @@ pub(super) fn measure(metric: Metric, of: &Subject<'_>) -> Result<Reading, Strin
         Metric::VelocityDelayAgainstReference => of.delay(DelayPairKind::VelocityAgainstReference),
         Metric::DelayDifference => of.difference(),
         Metric::DelayNormalisedDifference => of.normalised_difference(),
-        Metric::DelayChange => of.own_delay().and_then(change),
+        Metric::DelayChange => of.delay_change(),
         Metric::DelayExpandedUncertainty => of.own_delay().and_then(|found| expanded_uncertainty(found.delay_s)),
         Metric::SmallestDetectableDelayChange => of.own_delay().map(smallest_detectable),
         Metric::InjectionError => of.own_delay().and_then(worst_injection),
@@ -157,10 +157,24 @@ impl<'a> Subject<'a> {
         self.record.log.as_ref().ok_or_else(|| no_replay(self.record))
     }
 
+    /// The replay, or the trial of a flight from which nothing was removed.
+    pub(super) fn replayed(&self) -> Result<&'a ReplayRecord, String> {
+        self.record.drawable().ok_or_else(|| no_replay(self.record))
+    }
+
+    /// Whether the flight has a reference; `None` if its channels are unknown.
+    pub(super) fn has_reference(&self) -> Option<bool> {
+        use DelayPairKind::{PositionAgainstReference, VelocityAgainstReference};
+        let of_pairs = |pairs: &[PairDelay]| {
+            pairs.iter().any(|p| [PositionAgainstReference, VelocityAgainstReference].contains(&p.kind))
+        };
+        let of_replay = self.record.drawable().map(|replay| replay.pair.reference.is_some());
+        of_replay.or_else(|| self.record.delays.as_ref().map(|delays| of_pairs(&delays.pairs)))
+    }
+
     /// A fact of the flight that does not depend on the removed delay.
     fn flown(&self, of: impl FnOnce(&ReplayRecord) -> f64) -> Result<Reading, String> {
-        let flown = self.record.drawable();
-        flown.map(|r| Reading::plain(of(r))).ok_or_else(|| no_replay(self.record))
+        self.replayed().map(|replay| Reading::plain(of(replay)))
     }
 
     fn logged(&self, of: impl FnOnce(&LogHealth) -> f64) -> Result<Reading, String> {
@@ -189,10 +203,10 @@ impl<'a> Subject<'a> {
     /// Rate of the replayed channel; of the measured one where nothing was replayed.
     fn rate_of_pair(
         &self,
-        replayed: impl Fn(&'a PairUse) -> &'a String,
+        of_replay: impl Fn(&'a PairUse) -> &'a String,
         measured: impl Fn(&'a FlightLateness) -> Option<&'a String>,
     ) -> Result<Reading, String> {
-        let replay = self.record.replay.as_ref().map(|replay| replayed(&replay.pair));
+        let replay = self.record.replay.as_ref().map(|replay| of_replay(&replay.pair));
         let channel = replay.or_else(|| measured(self.record.lateness.as_ref()?));
         self.rate(channel.ok_or_else(|| no_replay(self.record))?)
     }
@@ -246,7 +260,7 @@ impl<'a> Subject<'a> {
         let named = |name: Option<&str>, is: &str| name.is_none_or(|n| n == is);
         let fits = |p: &&PairDelay| p.kind == kind && named(self.channel, &p.first) && named(self.against, &p.second);
         let fitting: Vec<&PairDelay> = all.iter().filter(fits).collect();
-        let replayed = |p: &&&PairDelay| record.replay.as_ref().is_some_and(|r| is_of_replay(p, r));
+        let replayed = |p: &&&PairDelay| record.drawable().is_some_and(|r| is_of_replay(p, r));
         let mut of_replay = fitting.iter().filter(replayed);
         match (fitting.as_slice(), of_replay.next(), of_replay.next()) {
             ([], ..) if record.binding.is_none() => Err(no_replay(record)),
@@ -277,6 +291,23 @@ impl<'a> Subject<'a> {
     /// The flight's own delay of position against velocity.
     fn own_delay(&self) -> Result<&'a MeasuredDelay, String> {
         known(&self.pair(DelayPairKind::PositionAgainstVelocity)?.delay)
+    }
+
+    /// How much the delay changes: the difference found by the test of constancy, otherwise the largest step between two
+    /// windows. A flight that was not tested has no number.
+    fn delay_change(&self) -> Result<Reading, String> {
+        let pair = self.pair(DelayPairKind::PositionAgainstVelocity)?;
+        match pair.varies.as_ref().map(|over_time| &over_time.constancy) {
+            Some(test) if test.varies => test
+                .difference_s
+                .map(Reading::uncertain)
+                .ok_or_else(|| "the delay changes, and the record does not say by how much".to_owned()),
+            Some(test) if !test.tested => Err(format!(
+                "whether the delay changes was not tested: it is known in {} windows of the flight, which are too few",
+                test.windows
+            )),
+            _ => known(&pair.delay).and_then(change),
+        }
     }
 
     /// The delay of position against velocity. For the pair that the answer is based on, U and interval are at least as

@@ -171,7 +171,7 @@ fn pool_cluster(
     datum_uncertainty_s: f64,
     evidence: &mut [Evidence],
 ) -> Cluster {
-    if found.has_no_mean() {
+    if found.described().is_none() {
         members.iter().for_each(|&at| evidence[at].cluster_unknown = true);
         return Cluster { kept: None, kept_flights: 0 };
     }

@@ -34,9 +34,18 @@ pub(crate) fn sweep_figure(sweep: &DelaySweep, choice: Option<&DelayChoice>) -> 
         caption: caption
             + " Points are the delays that could be removed, with U (k = 2) of the score; the shaded stretch is the 95 \
                % interval of the best delay.",
-        how_to_read: "Good: the removed delay and the others lie in the shaded stretch, at the bottom of a clear \
-                      valley. Bad: the removed delay lies up a slope: this flight is late by a different amount. A \
-                      flat curve means that the delay hardly matters, because the flight hardly turned.",
+        how_to_read: match &sweep.score {
+            SweepScore::ErrorAgainst(_) => {
+                "Good: the removed delay and the others lie in the shaded stretch, at the bottom of a clear valley. Bad: \
+                 the removed delay lies up a slope: this flight is late by a different amount. A flat curve means that \
+                 the delay hardly matters, because the flight hardly turned."
+            }
+            SweepScore::StepAtFixes => {
+                "Good: a clear valley. Its bottom is the difference between position and velocity. If the velocity is late \
+                 too, the removed delay lies right of it, by as much. A flat curve means that the delay hardly matters, \
+                 because the flight hardly turned."
+            }
+        },
         panels: vec![panel],
         panel_size: (760, 230),
         fine: false,

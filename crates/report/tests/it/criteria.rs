@@ -67,7 +67,7 @@ fn verdicts_are_at_the_top_of_the_flight_page_worst_first_in_words() {
     .map(|text| top.find(text).unwrap_or_else(|| panic!("{text} is not in:\n{top}")));
     assert!(places.is_sorted(), "{places:?}");
     assert!(html.contains(r#"<data value="0.209">"#), "the page has the number at full precision");
-    assert!(top.contains("would PASS with U below 2.0 ms"), "{top}");
+    assert!(top.contains("would PASS with an interval of less than ± 2.0 ms"), "{top}");
     assert!(top.contains("Limit: because of four &amp; &lt;b&gt;"), "{top}");
     assert!(top.contains("Decision rule. PASS: the whole 95 % interval") && top.contains("autumn.toml"), "{top}");
 }
