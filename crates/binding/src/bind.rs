@@ -126,6 +126,10 @@ fn notices_of(best: &Trial<'_>, log: &Log) -> Notices {
         let text = format!("channel {name} is not bound: the log states {remark}, which the channel map does not know");
         notices.push(Code::UnknownWord, "", 1, text);
     }
+    for equals in &best.equals {
+        let advice = "; a channel map that names the topic decides";
+        notices.push(Code::SeveralSources.at(Severity::Warning), "", 1, equals.in_words() + advice);
+    }
     stamp_notices::note_stamps(&best.plans, &mut notices);
     notices
 }

@@ -41,6 +41,8 @@ pub struct ChannelMap {
     pub(crate) ties: Vec<TieRule>,
     /// Whether it fits any log with certain types.
     pub(crate) generic: bool,
+    /// Channels without which it fits no log.
+    pub(crate) needs: Vec<String>,
     /// Channels that a log of its kind need not have.
     pub(crate) optional: Vec<String>,
     /// Whether it is built into flightlag.
@@ -50,7 +52,7 @@ pub struct ChannelMap {
 
 impl fmt::Debug for ChannelMap {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let ChannelMap { name, title, rules, ties, generic, optional, shipped: _, text: _ } = self;
+        let ChannelMap { name, title, rules, ties, generic, needs, optional, shipped: _, text: _ } = self;
         let mut debug = f.debug_struct("ChannelMap");
         debug.field("name", name).field("title", title).field("rules", rules);
         // Omitted if empty, so that other maps keep their cache keys.
@@ -59,6 +61,9 @@ impl fmt::Debug for ChannelMap {
         }
         if *generic {
             debug.field("generic", generic);
+        }
+        if !needs.is_empty() {
+            debug.field("needs", needs);
         }
         if !optional.is_empty() {
             debug.field("optional", optional);
@@ -687,11 +692,11 @@ fn meaning_of(written: MapFile, file: &SettingsFile<'_>, text: &str) -> Result<C
             (Ok(_), Err(Refused)) => {}
         }
     }
-    let MapFile { name, title, generic, channel, .. } = written;
+    let MapFile { name, title, generic, needs, channel, .. } = written;
     let optional = channel.into_iter().map(toml::Spanned::into_inner).filter(|entry| entry.optional);
     let optional = optional.map(|entry| entry.name).collect();
     let text = text.to_owned();
-    Ok(ChannelMap { name, title, rules: rules?, ties: ties?, generic, optional, shipped: false, text })
+    Ok(ChannelMap { name, title, rules: rules?, ties: ties?, generic, needs, optional, shipped: false, text })
 }
 
 fn rules_of(written: &MapFile, file: &SettingsFile<'_>) -> Result<Vec<ChannelRule>, Refused> {

@@ -612,7 +612,8 @@ fn advice(
 ) -> DelayAdvice {
     let mut set = vec![];
     let is_only_a_bound = |own: &ChannelLateness| record::is_one_sided(own.lateness_s.value, own.interval_95_s);
-    if lateness_s.value <= 0.0 || out.lateness.as_ref().is_some_and(is_only_a_bound) {
+    let is_uncertain = lateness_s.standard_uncertainty.is_some_and(|u| 2.0 * u >= lateness_s.value);
+    if lateness_s.value <= 0.0 || is_uncertain || out.lateness.as_ref().is_some_and(is_only_a_bound) {
         return DelayAdvice::default();
     }
     let value = (lateness_s.value * 1e3).round() / 1e3;

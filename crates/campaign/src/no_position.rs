@@ -1,7 +1,7 @@
 //! The message about a log without a position.
 
 use compensation_replay::some_of;
-use flight::{Binding, ChannelHealth, Flight};
+use flight::{Binding, ChannelHealth, Code, Flight};
 
 /// Maximum number of channels named.
 const NAMED: usize = 12;
@@ -29,6 +29,9 @@ pub(crate) fn no_position(flight: &Flight, binding: &Binding, wanted: &[String])
                  and a longitude. {held}"
             )
         }
+        None if ambiguous(flight, wanted).is_some() => {
+            format!("no position: {}. {held}", ambiguous(flight, wanted).unwrap_or_default())
+        }
         None => {
             format!(
                 "no position channel: the pipeline asks for {}, but the log has none of them. {held}",
@@ -36,6 +39,13 @@ pub(crate) fn no_position(flight: &Flight, binding: &Binding, wanted: &[String])
             )
         }
     }
+}
+
+/// The notice about topics that fit a position equally well.
+fn ambiguous<'a>(flight: &'a Flight, wanted: &[String]) -> Option<&'a str> {
+    let is_of = |text: &str| wanted.iter().any(|name| text.starts_with(&format!("channel {name} is not bound")));
+    let notice = flight.notices.iter().find(|n| n.code == Code::SeveralSources && is_of(&n.text))?;
+    Some(&notice.text)
 }
 
 /// A channel with the fix quality that is 0 throughout, and its number of rows.

@@ -36,18 +36,33 @@ const AXES: [usize; 3] = [0, 1, 2];
 pub(crate) fn lateness_s(flight: &Flight, attitude: &str, force: &str, notices: &mut Notices) -> Option<f64> {
     let gyro = format!("angular-rate.{}", force.split_once('.')?.1);
     let turned = flight.channels.get(attitude)?;
-    let rate = flight.channels.get(&gyro);
-    let Some(found) = rate.and_then(|rate| Turns::of(turned, rate)).and_then(|turns| turns.lateness()) else {
-        let (severity, why) = match rate {
-            Some(_) => (Severity::Info, format!("its rotations do not follow {gyro} closely enough")),
-            None => (Severity::Warning, format!("the log has no {gyro}")),
-        };
+    if let Some(size_mps2) = size_without_gravity(flight.channels.get(force)?) {
         let text = format!(
-            "not tested for lateness, for {why}: if it is late, every lateness against {force} comes out too short, by up to \
-             as much"
+            "half of its samples are below {size_mps2:.1} m/s²: gravity was removed from it before the log, or the unit is \
+             wrong. How late the attitude was that removed gravity is unknown"
         );
-        notices.push(Code::AttitudeShift.at(severity), attitude, 1, text);
+        notices.push(Code::AttitudeShift, force, 1, text);
         return None;
+    }
+    let not_tested = |severity, why: &str| Err((severity, why.to_owned()));
+    let tested = match flight.channels.get(&gyro).map(|rate| Turns::of(turned, rate)) {
+        None => not_tested(Severity::Warning, "the log has none"),
+        Some(None) => not_tested(Severity::Info, "they share too few samples, or no clock"),
+        Some(Some(turns)) => turns.lateness().ok_or_else(|| match turns.wrong() {
+            Some(why) => (Severity::Warning, why),
+            None => (Severity::Info, "the rotations of the two differ".to_owned()),
+        }),
+    };
+    let found = match tested {
+        Ok(found) => found,
+        Err((severity, why)) => {
+            let text = format!(
+                "not tested for lateness against {gyro}: {why}. If it is late, every lateness against {force} comes out too \
+                 short, by up to as much"
+            );
+            notices.push(Code::AttitudeShift.at(severity), attitude, 1, text);
+            return None;
+        }
     };
     let size_s = found.value.abs();
     if size_s < LEAST_S {
@@ -64,6 +79,18 @@ pub(crate) fn lateness_s(flight: &Flight, attitude: &str, force: &str, notices: 
     let severity = if size_s < WARN_S { Severity::Info } else { Severity::Warning };
     notices.push(Code::AttitudeShift.at(severity), attitude, 1, text);
     Some(found.value)
+}
+
+/// Median size of a specific force that does not hold gravity, m/s².
+fn size_without_gravity(force: &Channel) -> Option<f64> {
+    const LEAST_MPS2: f64 = 5.0;
+    const MOST_ROWS: usize = 2000;
+    let rows = force.update_rows();
+    let axes = AXES.map(|k| force.series.component(k));
+    let size = |row: &usize| AXES.map(|k| axes[k][*row].powi(2)).iter().sum::<f64>().sqrt();
+    let mut sizes: Vec<f64> = rows.iter().step_by(rows.len().div_ceil(MOST_ROWS).max(1)).map(size).collect();
+    let is_whole = force.present.iter().all(|present| *present);
+    signal::median_in_place(&mut sizes).filter(|size| is_whole && *size < LEAST_MPS2)
 }
 
 /// Rotations from attitude to attitude, and the gyro.
@@ -137,6 +164,43 @@ impl Turns {
     }
 }
 
+impl Turns {
+    /// What is wrong with the gyro if it follows the attitude with another factor or sign, in words.
+    fn wrong(&self) -> Option<String> {
+        const LEAST_CORRELATION: f64 = 0.9;
+        let rows: Vec<usize> = (0..self.spans.len()).step_by(self.spans.len().div_ceil(MOST[0]).max(1)).collect();
+        let compared = Compared { turns: self, rows };
+        let steps = (FARTHEST_S / STEP_S).round() as i32;
+        let at = |k: i32| compared.factors(STEP_S * f64::from(k));
+        let follows =
+            |factors: &[Option<Factor>; 3]| factors.iter().flatten().map(|f| f.correlation.powi(2)).sum::<f64>();
+        let best = (-steps..=steps).map(at).max_by(|a, b| follows(a).total_cmp(&follows(b)))?;
+        let [x, y, z] = best;
+        if self.gyro.iter().flatten().all(|rate| *rate == 0.0) {
+            return Some("it is zero throughout".to_owned());
+        }
+        let known: Vec<(char, Factor)> = [('x', x), ('y', y), ('z', z)]
+            .into_iter()
+            .filter_map(|(axis, factor)| Some((axis, factor.filter(|f| f.correlation.abs() > LEAST_CORRELATION)?)))
+            .collect();
+        let is = |size: f64| move |(_, f): &(char, Factor)| (f.factor.abs() / size - 1.0).abs() < 0.1;
+        if !known.is_empty() && known.iter().all(is(57.3)) {
+            return Some("it is 57.3 times the rotation: its unit is degrees per second".to_owned());
+        }
+        let reversed: Vec<String> =
+            known.iter().filter(|one| is(1.0)(one) && one.1.factor < 0.0).map(|(axis, _)| axis.to_string()).collect();
+        (!reversed.is_empty()).then(|| format!("its axes {} are reversed", reversed.join(" and ")))
+    }
+}
+
+/// How the gyro follows the rotation about one axis.
+#[derive(Clone, Copy)]
+struct Factor {
+    /// Gyro over rotation.
+    factor: f64,
+    correlation: f64,
+}
+
 /// Intervals and rotation vectors between attitudes, without gaps.
 fn rotations(attitude: &Channel, origin: Stamp) -> (Vec<[f64; 2]>, Vec<[f64; 3]>) {
     let stamps = attitude.series.timeline().stamps();
@@ -175,6 +239,17 @@ impl Compared<'_> {
             let turned: Vec<f64> = turned.iter().map(|turned| turned[axis]).collect();
             let left = self.rows.iter().zip(&turned).map(|(&k, by_gyro)| self.turns.turns[k][axis] - by_gyro).collect();
             (without_rate(left, &long), without_rate(turned, &long))
+        })
+    }
+
+    /// Factor and correlation for each axis; `None` for an axis without rotation.
+    fn factors(&self, late_s: f64) -> [Option<Factor>; 3] {
+        self.residuals(late_s).map(|(left, by_gyro)| {
+            let turn: Vec<f64> = left.iter().zip(&by_gyro).map(|(left, by_gyro)| left + by_gyro).collect();
+            let product: f64 = turn.iter().zip(&by_gyro).map(|(a, b)| a * b).sum();
+            let [of_turn, of_gyro] = [&turn, &by_gyro].map(|y| signal::sum_of_squares(y));
+            let correlation = product / (of_turn * of_gyro).sqrt();
+            (of_turn > 0.0 && of_gyro > 0.0).then(|| Factor { factor: of_gyro / product, correlation })
         })
     }
 

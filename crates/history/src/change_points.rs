@@ -255,8 +255,8 @@ pub(crate) fn spread(x: &[f64], u: &[f64]) -> f64 {
 /// Values that are far from those before them and from those after them, ascending.
 fn find_outliers(x: &[f64], u: &[f64]) -> Vec<usize> {
     let between = spread(x, u);
-    let mut outliers: Vec<usize> =
-        if x.len() < 4 { vec![] } else { (0..x.len()).filter(|i| is_far(x, u, *i, between, ODD_SIGMAS)).collect() };
+    let is_outlier = |i: &usize| distance(x, u, *i, between) > ODD_SIGMAS;
+    let mut outliers: Vec<usize> = if x.len() < 4 { vec![] } else { (0..x.len()).filter(is_outlier).collect() };
     while let Some(one) = hidden_outlier(x, u, &outliers) {
         outliers.push(one);
         outliers.sort_unstable();
@@ -264,35 +264,35 @@ fn find_outliers(x: &[f64], u: &[f64]) -> Vec<usize> {
     outliers
 }
 
-/// An outlier that the spread hides, to which it contributes twice: the value without which the spread is smallest, if it
-/// is far with that spread. `None` in a long series, where one value contributes little, and after a quarter of all.
+/// An outlier that the spread hides, to which it contributes twice: the farthest value, if it is far with the spread of the
+/// others. `None` in a long series, where one value contributes little, and after a quarter of all.
 fn hidden_outlier(x: &[f64], u: &[f64], known: &[usize]) -> Option<usize> {
     let kept: Vec<usize> = (0..x.len()).filter(|i| known.binary_search(i).is_err()).collect();
     if kept.len() < LEAST_HIDDEN || x.len() > LONGEST || 4 * (known.len() + 1) > x.len() {
         return None;
     }
     let [x, u] = [x, u].map(|values| kept.iter().map(|&i| values[i]).collect::<Vec<f64>>());
-    let without = |values: &[f64], at: usize| [&values[..at], &values[at + 1..]].concat();
-    let spread_without = |at: usize| (at, spread(&without(&x, at), &without(&u, at)));
-    let (at, between) = (0..x.len()).map(spread_without).min_by(|a, b| a.1.total_cmp(&b.1))?;
+    let at = (0..x.len()).max_by(|a, b| distance(&x, &u, *a, 0.0).total_cmp(&distance(&x, &u, *b, 0.0)))?;
+    let without = |values: &[f64]| [&values[..at], &values[at + 1..]].concat();
+    let between = spread(&without(&x), &without(&u));
     let sigmas = signal::student_quantile(1.0 - 0.5 * HIDDEN_P, FREEDOM * x.len() as f64).max(ODD_SIGMAS);
-    is_far(&x, &u, at, between, sigmas).then(|| kept[at])
+    (distance(&x, &u, at, between) > sigmas).then(|| kept[at])
 }
 
-/// Whether a value is far from the medians of the three before it and of the three after it. At an end there is only one
-/// side.
-fn is_far(x: &[f64], u: &[f64], i: usize, between: f64, sigmas: f64) -> bool {
-    let far = |side: std::ops::Range<usize>| {
+/// Distance of a value from the medians of the three before it and of the three after it, whichever is nearer, in
+/// standard deviations. At an end there is only one side.
+fn distance(x: &[f64], u: &[f64], i: usize, between: f64) -> f64 {
+    let from = |side: std::ops::Range<usize>| {
         if side.is_empty() {
-            return true;
+            return f64::INFINITY;
         }
         // The median of three has about half the variance of one.
         let own = side.clone().map(|k| u[k].powi(2)).sum::<f64>() / side.len() as f64;
         let variance = u[i].powi(2) + between.powi(2) + (own + between.powi(2)) / 2.0;
         let middle = median_by_selection(&x[side]).unwrap_or_default();
-        (x[i] - middle).abs() > sigmas * variance.sqrt().max(TINY)
+        (x[i] - middle).abs() / variance.sqrt().max(TINY)
     };
-    far(i.saturating_sub(3)..i) && far(i + 1..(i + 4).min(x.len()))
+    from(i.saturating_sub(3)..i).min(from(i + 1..(i + 4).min(x.len())))
 }
 
 /// Cumulative sums, from which the cost of any segment follows.

@@ -38,6 +38,9 @@ pub struct MapFile {
     /// Whether the map binds any log with certain types. A map made for a specific device takes precedence.
     #[serde(default)]
     pub generic: bool,
+    /// Channels without which the map does not fit a log. Default: none in particular.
+    #[serde(default)]
+    pub needs: Vec<String>,
     /// Sources of timestamps for all channels without their own.
     #[serde(default)]
     pub time: TimeTable,

@@ -10,6 +10,9 @@ use crate::map::{BENCH_ALONE, ChannelMap, ChannelRule, Closeness, Part, Presence
 use flight::{Quantity, StampKind};
 use formats::{Log, Table};
 
+/// Quantities of an IMU.
+const INERTIAL: [Quantity; 3] = [Quantity::Attitude, Quantity::AngularRate, Quantity::SpecificForce];
+
 /// What a map finds in a log.
 pub(super) struct Trial<'a> {
     pub(super) map: &'a ChannelMap,
@@ -19,6 +22,8 @@ pub(super) struct Trial<'a> {
     near: Vec<String>,
     /// Rules that found no topic.
     far: Vec<String>,
+    /// Channels for which several topics fit equally well, and which of them is used, in words.
+    pub(super) equals: Vec<Equals>,
     /// Channels for which the log states something that no rule knows, and what it states.
     pub(super) unknown: Vec<(String, String)>,
     /// The number of wanted columns that the near rules did find.
@@ -28,6 +33,8 @@ pub(super) struct Trial<'a> {
 /// How good a map is for a log; larger is better, and the first difference decides.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Rank {
+    /// It binds every channel that its map needs.
+    has_needed: bool,
     both: bool,
     /// A velocity that is zero in every row does not count.
     moves: bool,
@@ -48,6 +55,27 @@ enum Miss {
     NoTopic(String),
     /// The topic exists, but something is missing in it; with the number of columns found.
     Near(String, usize),
+    /// Several topics fit equally well; with the number of columns found.
+    Equal(Vec<String>, usize),
+}
+
+/// Topics that fit a channel equally well.
+pub(super) struct Equals {
+    pub(super) channel: String,
+    pub(super) topics: Vec<String>,
+    /// The topic that is used.
+    pub(super) used: Option<String>,
+}
+
+impl Equals {
+    pub(super) fn in_words(&self) -> String {
+        let Equals { channel, topics, used } = self;
+        let topics = topics.join(" and ");
+        match used {
+            Some(used) => format!("channel {channel}: the topics {topics} fit equally well, and {used} is used"),
+            None => format!("channel {channel} is not bound: the topics {topics} fit equally well"),
+        }
+    }
 }
 
 impl<'a> Trial<'a> {
@@ -62,7 +90,8 @@ impl<'a> Trial<'a> {
     }
 
     fn new(map: &'a ChannelMap, log: &'a Log, others: &[Trial<'a>]) -> Trial<'a> {
-        let mut trial = Trial { map, plans: vec![], near: vec![], far: vec![], unknown: vec![], nearness: 0 };
+        let mut trial =
+            Trial { map, plans: vec![], near: vec![], far: vec![], equals: vec![], unknown: vec![], nearness: 0 };
         for rule in &map.rules {
             if rule.when.as_ref().is_some_and(|when| !is_for(when, log)) {
                 continue;
@@ -71,7 +100,9 @@ impl<'a> Trial<'a> {
                 continue;
             }
             match plan(rule, map, log) {
-                Ok(mut plan) => {
+                Ok((mut plan, equals)) => {
+                    trial.equals.retain(|of| of.channel != rule.name);
+                    trial.equals.extend(equals);
                     let all = trial.plans.iter().chain(others.iter().flat_map(|other| &other.plans));
                     let same = all.filter(|other| std::ptr::eq(other.table, plan.table));
                     let known: Vec<&Stamps> = same.flat_map(|other| &other.stamps).collect();
@@ -82,6 +113,11 @@ impl<'a> Trial<'a> {
                     trial.near.push(format!("{}: {what}", rule.name));
                     trial.nearness += found;
                 }
+                Err(Miss::Equal(topics, found)) => {
+                    trial.near.push(format!("{}: the topics {} fit equally well", rule.name, topics.join(" and ")));
+                    trial.nearness += found;
+                    trial.equals.push(Equals { channel: rule.name.clone(), topics, used: None });
+                }
                 Err(Miss::NoTopic(what)) => trial.far.push(format!("{}: {what}", rule.name)),
             }
         }
@@ -91,13 +127,18 @@ impl<'a> Trial<'a> {
 
     /// Whether it binds anything that a replay or a bench could use.
     pub(super) fn fits(&self) -> bool {
-        self.position() || self.velocity() || binds(&self.plans, BENCH_ALONE)
+        self.has_needed() && (self.position() || self.velocity() || binds(&self.plans, BENCH_ALONE))
+    }
+
+    fn has_needed(&self) -> bool {
+        self.map.needs.iter().all(|name| self.plans.iter().any(|plan| plan.rule.name == *name))
     }
 
     /// Larger is better. The channels of flights decide first, so that an extra bench channel does not change which map
     /// a flight gets.
     pub(super) fn rank(&self) -> Rank {
         Rank {
+            has_needed: self.has_needed(),
             both: self.both(),
             moves: self.moves(),
             replayed: self.position() || self.velocity(),
@@ -201,8 +242,9 @@ fn unknown(map: &ChannelMap, log: &Log) -> Vec<(String, String)> {
     unknown
 }
 
-/// The best table for a rule.
-fn plan<'a>(rule: &'a ChannelRule, map: &ChannelMap, log: &'a Log) -> Result<Plan<'a>, Miss> {
+/// The best table for a rule. Which of several IMUs is used matters little, so that of the shortest name is taken
+/// (`/imu/data` before `/imu/data_raw`); which of several receivers or filters is meant, only the user knows.
+fn plan<'a>(rule: &'a ChannelRule, map: &ChannelMap, log: &'a Log) -> Result<(Plan<'a>, Option<Equals>), Miss> {
     let topics = log.tables.iter().filter_map(|table| Some((rule.meets(&table.topic)?, table)));
     let mut fitting: Vec<(Closeness, Plan<'a>)> = vec![];
     let mut miss = None;
@@ -212,16 +254,19 @@ fn plan<'a>(rule: &'a ChannelRule, map: &ChannelMap, log: &'a Log) -> Result<Pla
             Err(what) => miss = miss.or_else(|| Some((format!("topic {}: {what}", table.topic.name), table))),
         }
     }
-    fitting.sort_by_key(|(closeness, _)| *closeness);
+    fitting.sort_by_key(|(closeness, plan)| (*closeness, plan.table.topic.name.len(), &plan.table.topic.name));
     let best = fitting.first().map(|(closeness, _)| *closeness);
-    let equals: Vec<&str> =
-        fitting.iter().filter(|(c, _)| Some(*c) == best).map(|(_, p)| p.table.topic.name.as_str()).collect();
-    if equals.len() > 1 {
-        let text = format!("the topics {} fit equally well", equals.join(" and "));
-        return Err(Miss::Near(text, rule.parts.len()));
+    let same = fitting.iter().filter(|(c, _)| Some(*c) == best);
+    let mut topics: Vec<String> = same.map(|(_, plan)| plan.table.topic.name.clone()).collect();
+    let used = topics.first().cloned();
+    topics.sort_unstable();
+    let is_of_imu = INERTIAL.contains(&rule.quantity);
+    if topics.len() > 1 && !is_of_imu {
+        return Err(Miss::Equal(topics, rule.parts.len()));
     }
+    let equals = (topics.len() > 1).then(|| Equals { channel: rule.name.clone(), topics, used });
     match fitting.into_iter().next() {
-        Some((_, plan)) => Ok(plan),
+        Some((_, plan)) => Ok((plan, equals)),
         None => Err(match miss {
             Some((what, table)) => Miss::Near(what, columns_found(rule, table)),
             None => Miss::NoTopic(no_topic(rule, log)),

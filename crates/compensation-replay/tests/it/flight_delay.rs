@@ -744,7 +744,9 @@ fn attitude_and_accelerometer_are_shifted_to_the_same_time() {
     };
     let (wrong_s, said) = measured(0.1, false);
     assert!((wrong_s - 0.12).abs() > 0.04, "the attitude does not matter here");
-    assert!(said.is_some_and(|text| text.starts_with("not tested for lateness, for the log has no angular-rate.imu")));
+    assert!(
+        said.is_some_and(|text| text.starts_with("not tested for lateness against angular-rate.imu: the log has none"))
+    );
     for late in [0.1, -0.06, 0.007] {
         let (delay_s, shifted) = measured(late, true);
         // An IMU that is 60 ms late sees the velocity 60 ms less late than it is.
@@ -756,6 +758,43 @@ fn attitude_and_accelerometer_are_shifted_to_the_same_time() {
     }
     let (delay_s, shifted) = measured(0.0, true);
     assert!((delay_s - 0.12).abs() < 1e-3 && shifted.is_none(), "{delay_s} {shifted:?}");
+}
+
+/// A gyro in degrees per second, with reversed axes, or filled with zeros does not test the attitude, and an accelerometer
+/// without gravity hides what removed it. Each is named, and the pair says that its attitude is not tested.
+#[test]
+fn an_imu_that_cannot_test_the_attitude_is_named() {
+    let said = |gyro: &dyn Fn([f64; 3]) -> [f64; 3], gravity_mps2: f64| {
+        let mut flight = banked(0.12, [0.0; 3], &weaving);
+        let seconds = (0..4000).map(|k| 0.007 + 0.02 * f64::from(k));
+        let (bank_sin, bank_cos) = 0.6_f64.sin_cos();
+        let rates: Vec<(f64, [f64; 3])> = seconds
+            .map(|t| (t, weaving(t).1))
+            .map(|(t, turn)| (t, gyro([0.0, bank_sin * turn, bank_cos * turn])))
+            .collect();
+        flight.channels.insert("angular-rate.imu".into(), channel(Quantity::AngularRate, &rates));
+        let force = flight.channels.get_mut("specific-force.imu").unwrap();
+        let stamps = force.series.timeline().stamps().to_vec();
+        let of_row = |row: usize| [0, 1, 2].map(|k| force.series.component(k)[row] * gravity_mps2);
+        let rows: Vec<(f64, [f64; 3])> =
+            (0..stamps.len()).map(|row| (stamps[row].seconds_since(flight::Stamp(0)), of_row(row))).collect();
+        *force = channel(Quantity::SpecificForce, &rows);
+        let (delays, notices) = delay_from_flight::measure_delays(&flight, &quick());
+        let notice = notices.iter().find(|n| n.code == "attitude-shift").map(|n| n.text.clone());
+        (delays.pairs[0].is_attitude_untested, notice.unwrap_or_default())
+    };
+    let as_it_is = |rate: [f64; 3]| rate;
+    assert_eq!(said(&as_it_is, 1.0), (false, String::new()));
+    let cases: [(&dyn Fn([f64; 3]) -> [f64; 3], f64, &str); 4] = [
+        (&|rate| rate.map(f64::to_degrees), 1.0, "its unit is degrees per second"),
+        (&|[x, y, z]| [x, -y, -z], 1.0, "its axes y and z are reversed"),
+        (&|_| [0.0; 3], 1.0, "it is zero throughout"),
+        (&as_it_is, 0.1, "gravity was removed from it before the log, or the unit is wrong"),
+    ];
+    for (gyro, gravity_mps2, why) in cases {
+        let (is_untested, text) = said(gyro, gravity_mps2);
+        assert!(is_untested && text.contains(why), "{why}: {text}");
+    }
 }
 
 /// In a steady circle a delay rotates the acceleration by a fixed angle, like forward and right biases do.
