@@ -94,9 +94,23 @@ pub(crate) fn measure(
         let text = format!("the log has no reference ({names}): `--reference-clock same` has no effect");
         lateness.alarms.push(DelayAlarm::of(Alarm::ReferenceNotUsed, text));
     }
+    let unused = pipeline.log_reference_is_on_time().then(|| unused_log_reference(&delays)).flatten();
+    lateness.alarms.extend(unused.map(|text| DelayAlarm::of(Alarm::ReferenceNotUsed, text)));
     lateness.alarms.extend(assumed(flight));
     lateness.alarms.sort();
     measured_with(lateness, Some(delays), network, notices)
+}
+
+/// Why the reference in the log that is said to be on time serves no channel; `None` if it serves one, or there is none.
+fn unused_log_reference(delays: &FlightDelays) -> Option<String> {
+    use DelayPairKind::{PositionAgainstReference, VelocityAgainstReference};
+    let of_reference = |p: &&PairDelay| [PositionAgainstReference, VelocityAgainstReference].contains(&p.kind);
+    let reasons = delays.pairs.iter().filter(of_reference).map(|p| match &p.delay {
+        Finding::Found(_) => Err(()),
+        Finding::CannotTell(why) => Ok(why),
+    });
+    let reasons: Vec<&String> = reasons.collect::<Result<_, ()>>().ok()?;
+    reasons.first().map(|why| format!("the reference is not used: {why}"))
 }
 
 /// Whether the network knows how late the position is in true time.

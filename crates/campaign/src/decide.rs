@@ -55,9 +55,13 @@ pub(crate) fn over<'a>(measured: &[(&'a str, &'a FlightLateness)], pipeline: &Pi
 }
 
 /// Flights with the same samples under another name or in another container, whole or in part: the one with the most
-/// fixes counts.
+/// fixes counts, and of several one with a lateness in true time.
 fn duplicates<'a>(measured: &[(&'a str, &FlightLateness)]) -> BTreeMap<&'a str, &'a str> {
-    let prints: Vec<(&str, Option<FlightContent>)> = measured.iter().map(|(f, l)| (*f, l.content.clone())).collect();
+    let is_relative = |l: &FlightLateness| l.lateness.as_ref().is_none_or(|found| found.relative_to.is_some());
+    let mut best_first: Vec<&(&str, &FlightLateness)> = measured.iter().collect();
+    best_first.sort_by_key(|(flight, lateness)| (is_relative(lateness), *flight));
+    let prints: Vec<(&str, Option<FlightContent>)> =
+        best_first.into_iter().map(|(f, l)| (*f, l.content.clone())).collect();
     let names: BTreeMap<&str, &'a str> = measured.iter().map(|(flight, _)| (*flight, *flight)).collect();
     let known = |name: &str| names.get(name).copied();
     let all = crate::group::duplicates(&prints);

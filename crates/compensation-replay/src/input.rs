@@ -272,7 +272,8 @@ fn available_instead(flight: &Flight, what: &str) -> String {
     let of_kind: Vec<&str> =
         flight.channels.iter().filter(|(_, c)| is(what, c.quantity)).map(|(name, _)| name.as_str()).collect();
     if !of_kind.is_empty() {
-        return of_kind.join(", ");
+        let names = of_kind.join(", ");
+        return format!("{names}. Set {what} = [\"{}\"] under [channels] of the pipeline to use it", of_kind[0]);
     }
     let others: Vec<&str> = flight.channels.keys().take(3).map(String::as_str).collect();
     match flight.channels.len() - others.len() {

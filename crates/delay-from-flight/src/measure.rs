@@ -9,7 +9,9 @@ use super::pieces::{self, Names, Piece, Stretch};
 use super::{FlightDelaySettings, doubt, foreign, injection, over_time, skew, split, varies};
 use crate::horizontal::Horizontal;
 use flight::{Flight, Notices};
-use record::{DelayExcitation, DelayNoise, DelayOverTime, DelayPiece, Estimate, Finding, MeasuredDelay, PairDelay};
+use record::{
+    Constancy, DelayExcitation, DelayNoise, DelayOverTime, DelayPiece, Estimate, Finding, MeasuredDelay, PairDelay,
+};
 use signal::{ComponentFit, DelayFit, DelaySettings, DelayStart, Measurement, NoiseRule, OtherMinimum};
 use std::borrow::Cow;
 
@@ -278,15 +280,13 @@ impl<'a> Known<'a> {
     }
 }
 
-/// A delay that changes, or differs between parts of the flight, is the better reason.
+/// A delay that changes, or differs between parts of the flight, is the better reason. If it changes, no further flight
+/// makes it one number.
 fn refusal(reason: String, varies: Option<&DelayOverTime>) -> String {
-    let seen = |varies: &DelayOverTime| match varies.kind.varies() {
-        true => Some(varies.words.clone()),
-        false => varies.constancy.note.clone(),
-    };
-    match varies.and_then(seen) {
-        Some(seen) => format!("{seen} ({reason})"),
-        None => reason,
+    match varies {
+        Some(varies) if varies.kind.varies() => varies.words.clone(),
+        Some(DelayOverTime { constancy: Constancy { note: Some(note), .. }, .. }) => format!("{note} ({reason})"),
+        _ => reason,
     }
 }
 

@@ -78,10 +78,8 @@ impl Shape {
             return if self.is_two_levels() { DelayKind::Switches } else { DelayKind::Steps };
         }
         let rises = self.rise_s > 0.5 * span;
-        if rises && self.drop_s > 0.5 * self.rise_s && self.rise_s > QUEUE_S {
-            return DelayKind::Queues;
-        }
-        if rises && self.fall_s > 0.5 * self.rise_s && self.rise_s > BUILD_UP_S {
+        let least_s = if self.drop_s > 0.5 * self.rise_s { QUEUE_S } else { BUILD_UP_S };
+        if rises && self.drop_s + self.fall_s > 0.5 * self.rise_s && self.rise_s > least_s {
             return DelayKind::Queues;
         }
         let fast = self.rise_s > FAST * self.duration_s;
@@ -117,6 +115,18 @@ mod tests {
         );
         assert_eq!(word(&[(Bend, 60.0, 0.021), (Bend, 168.0, -0.021), (Step, 168.0, -2.3)]), DelayKind::Queues);
         assert_eq!(word(&[(Bend, 60.0, 0.021), (Bend, 168.0, -1.021), (Bend, 170.3, 1.0)]), DelayKind::Queues);
+        // Two rises of 1.2 s; it falls back once at a time and once slowly.
+        assert_eq!(
+            word(&[
+                (Bend, 40.0, 0.04),
+                (Bend, 70.0, -0.04),
+                (Step, 110.0, -1.2),
+                (Bend, 150.0, 0.04),
+                (Bend, 180.0, -0.06),
+                (Bend, 220.0, 0.02),
+            ]),
+            DelayKind::Queues
+        );
         assert_eq!(word(&[(Bend, 60.0, 0.02)]), DelayKind::BuildsUp);
         assert_eq!(word(&[(Bend, 0.0, 0.0005)]), DelayKind::Drifts);
     }

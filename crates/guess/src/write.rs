@@ -243,8 +243,14 @@ fn channel(text: &mut String, name: &str, channel: &Channel<'_>, at: &Where<'_>)
         let _ = writeln!(text, "{role} = {{ field = {}, unit = \"{unit}\" }}", quoted(column));
     }
     let columns: Vec<String> =
-        fields.iter().map(|(role, column, unit)| format!("{role} = {column} [{unit}]")).collect();
+        fields.iter().map(|(role, column, unit)| format!("{role} = {}", with_unit(column, unit))).collect();
     format!("{name}: {}", columns.join(", "))
+}
+
+/// A column with its unit, unless its name ends with it.
+fn with_unit(column: &str, unit: &Unit) -> String {
+    let ends = [format!("[{unit}]"), format!("({unit})")].iter().any(|end| column.ends_with(end.as_str()));
+    if ends { column.to_owned() } else { format!("{column} [{unit}]") }
 }
 
 /// Column names may contain anything.

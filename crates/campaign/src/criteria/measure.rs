@@ -293,18 +293,18 @@ impl<'a> Subject<'a> {
         known(&self.pair(DelayPairKind::PositionAgainstVelocity)?.delay)
     }
 
-    /// How much the delay changes: the difference found by the test of constancy, otherwise the largest step between two
-    /// windows. A flight that was not tested has no number.
+    /// How much the delay changes: the difference found by the test of constancy if it does, otherwise the largest step
+    /// between two windows. A flight that was not tested has no number.
     fn delay_change(&self) -> Result<Reading, String> {
         let pair = self.pair(DelayPairKind::PositionAgainstVelocity)?;
-        match pair.varies.as_ref().map(|over_time| &over_time.constancy) {
-            Some(test) if test.varies => test
-                .difference_s
-                .map(Reading::uncertain)
+        let size = |difference: Estimate| Reading::uncertain(Estimate { value: difference.value.abs(), ..difference });
+        match &pair.varies {
+            Some(over_time) if over_time.kind.varies() => (over_time.constancy.difference_s)
+                .map(size)
                 .ok_or_else(|| "the delay changes, and the record does not say by how much".to_owned()),
-            Some(test) if !test.tested => Err(format!(
+            Some(over_time) if !over_time.constancy.tested => Err(format!(
                 "whether the delay changes was not tested: it is known in {} windows of the flight, which are too few",
-                test.windows
+                over_time.constancy.windows
             )),
             _ => known(&pair.delay).and_then(change),
         }

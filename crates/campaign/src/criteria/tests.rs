@@ -273,6 +273,44 @@ fn a_contradicted_reference_gives_no_number() {
     assert_eq!((found.verdict, found.reason.as_str()), (CriterionVerdict::NotEvaluated, "the clock is off"));
 }
 
+/// The first pair with this course of its delay.
+fn with_course(kind: &str, tested: bool, difference_s: Option<f64>) -> FlightRecord {
+    let mut json = record_json();
+    json["delays"]["pairs"][0]["varies"] = json!({
+        "kind": kind, "words": "w", "level_s": estimate(0.4, 0.002), "level_widening_s": 0.0,
+        "constancy": { "tested": tested, "varies": false, "windows": 7, "window_s": 10.0, "limit_s": 0.1, "window_delays": [],
+            "difference_s": difference_s.map(|value| estimate(value, 0.01)) },
+        "late_fixes": [], "odd_fixes": 0, "bursts": [], "curve": [], "terms": [], "span_s": 0.0, "remarks": [],
+        "search_s": [-1.0, 2.0], "edge_hit": false, "advice": "", "fixes_used": 9, "fixes_given": 9,
+    });
+    serde_json::from_value(json).unwrap()
+}
+
+/// Former bug: flights whose delay changes had no number, so that nothing failed; and flights that were not tested passed.
+#[test]
+fn a_changing_delay_fails_its_limit_and_an_untested_one_has_no_number() {
+    let text = one("delay-change", "at_most = \"40 ms\"");
+    let queue = judged(&text, &with_course("queues", true, Some(-0.5)));
+    assert_eq!((queue.verdict, queue.value.unwrap().value), (CriterionVerdict::Fail, 0.5));
+    let untested = judged(&text, &with_course("not-tested", false, None));
+    assert_eq!(untested.verdict, CriterionVerdict::NotEvaluated);
+    assert!(untested.reason.contains("known in 7 windows"), "{}", untested.reason);
+    let constant = judged(&text, &with_course("constant", true, None));
+    assert!((constant.value.unwrap().value - 0.05).abs() < 1e-12, "the largest step between two windows");
+}
+
+/// Former bug: where nothing was removed, a criterion for flights with a reference was not evaluated in flights without.
+#[test]
+fn a_flight_without_a_reference_is_known_without_a_replay() {
+    let text = one("losses", "at_most = 0\napplies_to = { reference = true }");
+    let mut json = record_json();
+    (json["replay"], json["outcome"], json["reason"]) = (Value::Null, json!("uncompensated"), json!("r"));
+    let verdict = |json: &Value| judged(&text, &serde_json::from_value(json.clone()).unwrap()).verdict;
+    assert_eq!(verdict(&json), CriterionVerdict::NotEvaluated);
+    json["delays"]["pairs"].as_array_mut().unwrap().truncate(3);
+    assert_eq!(verdict(&json), CriterionVerdict::NotApplicable);
+}
+
 /// The finding of a text with one criterion on a record.
 fn judged(text: &str, record: &FlightRecord) -> CriterionFinding {
     let mut findings = parse(text).unwrap().judge("2026-05/f.bag", record).findings;

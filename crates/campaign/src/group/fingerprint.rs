@@ -113,12 +113,12 @@ pub fn shared_content(a: &FlightContent, b: &FlightContent) -> f64 {
 }
 
 /// Flights that occur more than once, under other names or in other containers, whole or in part. The one with the most
-/// fixes counts. A flight without content is not a duplicate.
+/// fixes counts, and of several the first. A flight without content is not a duplicate.
 #[must_use]
 pub fn duplicates<Id: AsRef<str>>(flights: &[(Id, Option<FlightContent>)]) -> Vec<DuplicateFlight> {
     let mut known: Vec<(&str, &FlightContent)> =
         flights.iter().filter_map(|(id, content)| Some((id.as_ref(), content.as_ref()?))).collect();
-    known.sort_by(|a, b| b.1.fixes.cmp(&a.1.fixes).then(a.0.cmp(b.0)));
+    known.sort_by_key(|(_, content)| std::cmp::Reverse(content.fixes));
     let mut by_print: BTreeMap<&str, usize> = BTreeMap::new();
     let mut by_hash: BTreeMap<u64, usize> = BTreeMap::new();
     let mut found: BTreeMap<usize, Vec<String>> = BTreeMap::new();

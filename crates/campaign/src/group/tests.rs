@@ -189,7 +189,7 @@ fn logs_at_rest_are_copies_only_if_they_start_at_the_same_instant() {
 }
 
 #[test]
-fn of_duplicates_only_the_first_by_name_counts() {
+fn of_duplicates_with_as_many_fixes_only_the_first_counts() {
     let content = |of: &str, fixes| Some(FlightContent { fingerprint: of.to_owned(), fixes, sketch: vec![] });
     let flights = [
         ("b.bag", content("1", 9)),
@@ -203,7 +203,7 @@ fn of_duplicates_only_the_first_by_name_counts() {
     assert_eq!(found.len(), 1);
     assert_eq!(
         (found[0].counts.as_str(), &found[0].duplicates[..]),
-        ("a.csv", &["b.bag".to_owned(), "f.db3".to_owned()][..])
+        ("b.bag", &["a.csv".to_owned(), "f.db3".to_owned()][..])
     );
 }
 

@@ -36,12 +36,13 @@ pub(crate) fn effects(record: &CampaignRecord) -> Option<Figure> {
     let lines = effect_lines(&all);
     let (least, largest) = extent(&lines, |p| p.0)?;
     let x = Axis::logarithmic("error of the position, 2‑D rms (m)", (least / 1.15, largest * 1.15));
-    let better = all.iter().filter(|(_, [raw, after])| after < raw).count();
+    let verdict = |row: &&&FlightRow| row.effect.as_ref().is_some_and(|e| e.verdict == EffectVerdict::Helped);
+    let helped = rows.iter().filter(verdict).count();
     let names: Vec<&str> = rows.iter().map(|row| row.flight.as_str()).collect();
     Some(Figure {
         id: "effect".to_owned(),
         number: 0,
-        title: format!("The error is smaller after the removal in {better} of {}", all.len()),
+        title: format!("The removal helped {helped} of {}", number::counted(all.len() as u64, "flight", "flights")),
         caption: format!(
             "Error (2‑D rms, m) before and after, of {}, the most harmed first.{}",
             number::counted(rows.len() as u64, "flight", "flights"),

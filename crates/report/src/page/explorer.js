@@ -105,12 +105,14 @@
   };
   offer("Hardest turn", largest((i) => Math.abs(turn[i]) * speed[i]), "t");
   if (hasTruth) offer("Largest error", largest((i) => errors.exact_async[i]), "e");
-  else offer("Largest step at a fix", largest((i) => step[i]), "e");
+  else offer("Largest jump at a fix", largest((i) => step[i]), "e");
   offer("Largest lead", largest((i) => Math.abs(lead[i])), "l");
   // Ranges with nothing to draw: missing rows, and rows without a compensated position.
-  for (let i = 1, begin = -1; i < count; i++) {
+  for (let i = 1, begin = -1, started = !Number.isNaN(north[0]); i < count; i++) {
     if (t[i] - t[i - 1] > gap) gaps.push([t[i - 1], t[i], "no rows"]);
-    if (Number.isNaN(north[i]) && begin < 0) begin = i;
+    // Before the first compensated position there is no gap.
+    if (Number.isNaN(north[i]) && begin < 0 && started) begin = i;
+    started ||= !Number.isNaN(north[i]);
     if (begin >= 0 && (!Number.isNaN(north[i]) || i === count - 1)) { gaps.push([t[begin], t[i], "no compensated position"]); begin = -1; }
   }
   const stops = [];
@@ -196,7 +198,7 @@
   ];
   if (given.delay.length) wanted.push({ title: `Delay against ${given.against}, this pair alone, ± U (ms)${given.removed_ms === null ? "" : "; removed: dashed"}`, series: [], delay: true });
   if (hasTruth) wanted.push({ title: "Error against the reference, 2‑D (m)", series: tracks.filter(([name]) => name in errors).map(([name, words]) => [name, words, errors[name]]) });
-  else wanted.push({ title: "Step of the compensated position at the last fix (m)", series: [["exact_async", "step", step]] });
+  else wanted.push({ title: "Jump of the compensated position at the last fix, with the velocity of that row (m)", series: [["exact_async", "step", step]] });
   wanted.push({ title: "Speed (m/s)", series: [["plain", "speed", speed]] }, { title: "Turn rate (°/s)", series: [["plain", "turn rate", turn]] },
     { title: "Rows; gaps (red), no compensated position (orange), anomalies (rings)", series: [], strip: true });
   const plots = [], sync = uPlot.sync("flight");
@@ -414,7 +416,7 @@
       const error = over(errors[name]);
       lines.push([`Error, ${words}, rms and most`, `${say(error.rms, 3)}, ${say(error.most, 2, "m")}`]);
     }
-    if (!hasTruth) lines.push(["Step at a fix, rms and most", `${say(over(step).rms, 2)}, ${say(over(step).most, 2, "m")}`]);
+    if (!hasTruth) lines.push(["Jump at a fix with the velocity of that row, rms and most", `${say(over(step).rms, 2)}, ${say(over(step).most, 2, "m")}`]);
     numbersBody.replaceChildren();
     for (const [name, value] of lines) {
       const row = make("tr", numbersBody), head = make("th", row, name);
