@@ -346,6 +346,13 @@ pub(crate) fn compensated_pair<'a>(delays: &'a FlightDelays, position: &str, vel
         .find(|p| p.kind == DelayPairKind::PositionAgainstVelocity && p.first == position && p.second == velocity)
 }
 
+/// Remarks on the comparison of the velocity with an acceleration, such as a heading that is off.
+fn remarks_on_imu(velocity: &str, delays: &FlightDelays) -> Vec<DelayAlarm> {
+    let is_of_imu = |p: &&PairDelay| p.kind == DelayPairKind::VelocityAgainstAcceleration && p.first == velocity;
+    let found = delays.pairs.iter().filter(is_of_imu).filter_map(|p| p.delay.found());
+    found.flat_map(|f| &f.remarks).map(|text| DelayAlarm::of(Alarm::DelayRemark, text.clone())).collect()
+}
+
 /// The flight's answer about its position.
 fn answered(
     base: FlightLateness,
@@ -382,6 +389,7 @@ fn answered(
     out.also = also(over_time);
     out.alarms = alarms::of(&out, network, measured, over_time);
     out.alarms.extend(unused_imu(&out, delays));
+    out.alarms.extend(remarks_on_imu(&velocity, delays));
     out.words = words(&out, pair, over_time);
     if out.datum == NetworkDatum::Imu && no_attitude_is_tested(delays) {
         out.words +=

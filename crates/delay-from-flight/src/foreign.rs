@@ -7,6 +7,8 @@ use crate::horizontal::{AXES, Horizontal};
 const MOST_UNEXPLAINED: f64 = 0.5;
 /// A different unit or other axes are suggested if they leave at most this share.
 const EXPLAINED: f64 = 0.2;
+/// A smaller difference of the headings is not reported, °.
+const LEAST_TURNED_DEG: f64 = 3.0;
 /// Fewer displacements give no result.
 const LEAST_STEPS: usize = 3;
 /// Delays at which other units and axes are tried, s.
@@ -57,7 +59,8 @@ impl Compared<'_> {
     pub(crate) fn refusal(&self, share: Option<f64>, names: &Names) -> Option<String> {
         let Names { first, second } = names;
         let share = share.filter(|share| *share > MOST_UNEXPLAINED)?;
-        let check = self.best_match().and_then(|found| found.words(names));
+        let of_axes = || self.best_match().and_then(|found| found.words(names));
+        let check = of_axes().or_else(|| self.turned_words(names));
         Some(format!(
             "{first} does not move as {second} predicts: {:.0} % of its displacement is unexplained at the best delay. \
              {}",
@@ -66,11 +69,35 @@ impl Compared<'_> {
         ))
     }
 
+    /// By how much the second channel is turned against the first, in words, if that explains most of what is unexplained:
+    /// the heading of a compass is often off by some degrees.
+    pub(crate) fn turned_words(&self, Names { first, second }: &Names) -> Option<String> {
+        let base_s = 5.0_f64.min(self.longest_s() / 5.0);
+        let as_it_is = unexplained_of(&self.steps(base_s, self.delay_s))?;
+        let turned = self.delays().filter_map(|delay_s| turned_of(&self.steps(base_s, delay_s)));
+        let (angle, left) = turned.min_by(|a, b| a.1.total_cmp(&b.1))?;
+        let degrees = angle.to_degrees();
+        let side = if degrees > 0.0 { "right" } else { "left" };
+        (degrees.abs() > LEAST_TURNED_DEG && left < EXPLAINED && left < 0.5 * as_it_is).then(|| {
+            format!(
+                "{:.0} % would be unexplained if {second} were turned to the {side} by {:.0}°: check the heading of it and of \
+                 {first}, such as the declination, or the mounting of a compass",
+                100.0 * left,
+                degrees.abs()
+            )
+        })
+    }
+
+    /// Delays at which other units and axes are tried, s.
+    fn delays(&self) -> impl Iterator<Item = f64> {
+        let tried = (0..=TRIED).map(|i| SEARCHED_S.0 + (SEARCHED_S.1 - SEARCHED_S.0) * f64::from(i) / f64::from(TRIED));
+        tried.chain([self.delay_s])
+    }
+
     /// The best scale and axes, at any delay: for channels that do not belong together the best delay is arbitrary.
     fn best_match(&self) -> Option<AxesMatch> {
         let base_s = 5.0_f64.min(self.longest_s() / 5.0);
-        let tried = (0..=TRIED).map(|i| SEARCHED_S.0 + (SEARCHED_S.1 - SEARCHED_S.0) * f64::from(i) / f64::from(TRIED));
-        let matches = tried.chain([self.delay_s]).filter_map(|delay_s| match_of(&self.steps(base_s, delay_s)));
+        let matches = self.delays().filter_map(|delay_s| match_of(&self.steps(base_s, delay_s)));
         matches.min_by(|a, b| a.unexplained.total_cmp(&b.unexplained))
     }
 
@@ -142,6 +169,16 @@ fn unexplained_of(steps: &[Step]) -> Option<f64> {
     (steps.len() >= LEAST_STEPS && moved2 > 0.0).then(|| (missed2 / moved2).sqrt())
 }
 
+/// The angle from the predicted displacements to those of the first channel, rad, and the share that is then unexplained.
+fn turned_of(steps: &[Step]) -> Option<(f64, f64)> {
+    let dot: f64 = steps.iter().map(|(moved, by)| moved[0] * by[0] + moved[1] * by[1]).sum();
+    let cross: f64 = steps.iter().map(|(moved, by)| by[0] * moved[1] - by[1] * moved[0]).sum();
+    let angle = cross.atan2(dot);
+    let (sin, cos) = angle.sin_cos();
+    let turned = |(moved, [north, east]): &Step| (*moved, [cos * north - sin * east, sin * north + cos * east]);
+    Some((angle, unexplained_of(&steps.iter().map(turned).collect::<Vec<Step>>())?))
+}
+
 fn match_of(steps: &[Step]) -> Option<AxesMatch> {
     let moved2: f64 = steps.iter().map(|(moved, _)| squared(*moved)).sum();
     let predicted2: f64 = steps.iter().map(|(_, predicted)| squared(*predicted)).sum();
@@ -184,6 +221,17 @@ mod tests {
     fn matching_channels_are_not_refused() {
         assert_eq!(circles(|moved| moved), None);
         assert_eq!(circles(|[n, e]| [1.1 * n, 1.1 * e]), None);
+    }
+
+    #[test]
+    fn a_turned_channel_is_recognised_with_its_angle() {
+        let (sin, cos) = 0.35_f64.sin_cos();
+        let moved = |k: u32| [20.0 * f64::from(k).cos(), 20.0 * (1.3 * f64::from(k)).sin()];
+        // The first channel is the second turned by 0.35 rad to the right.
+        let steps: Vec<Step> =
+            (0..60).map(moved).map(|[n, e]| ([cos * n - sin * e, sin * n + cos * e], [n, e])).collect();
+        let (angle, left) = turned_of(&steps).unwrap();
+        assert!((angle - 0.35).abs() < 1e-9 && left < 1e-9, "{angle} {left}");
     }
 
     #[test]

@@ -261,29 +261,28 @@ pub(crate) fn refuse_stamps(stamps_s: f64, settings: &FlightDelaySettings) -> Op
     })
 }
 
-/// Why this fit is not a measurement, and what would make it one.
+/// Why this fit is not a measurement, and what would make it one: `better_advice`, or more motion.
 pub(crate) fn refuse_fit(
     fit: &DelayFit,
     offer: &DelayExcitation,
     motion: &Motion,
     settings: &FlightDelaySettings,
     Names { first, second }: &Names,
+    better_advice: impl Fn() -> Option<String>,
 ) -> Option<String> {
+    let advice = |known| better_advice().unwrap_or_else(|| what_to_fly(known, offer, motion));
     let known = fit.standard_uncertainty_s.max(fit.crlb_s);
     let uncertain = known.is_nan() || known > settings.worst_sigma_s;
     if !fit.converged && !uncertain {
         return Some(format!(
             "no delay stands out: the search between {first} and {second} did not converge. Either they do not belong \
              together, or noise is as large as the motion. {}",
-            what_to_fly(known, offer, motion)
+            advice(known)
         ));
     }
     uncertain.then(|| {
         let [u, limit] = against_limit(known, settings.worst_sigma_s);
-        format!(
-            "the delay would be known only to ±{u} ms (standard uncertainty, limit {limit} ms). {}",
-            what_to_fly(known, offer, motion)
-        )
+        format!("the delay would be known only to ±{u} ms (standard uncertainty, limit {limit} ms). {}", advice(known))
     })
 }
 

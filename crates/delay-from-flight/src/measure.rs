@@ -215,6 +215,9 @@ impl<'a> Known<'a> {
         let wanted = |(p, v): &(String, String)| finding.first == *p && finding.second == *v;
         let mut measured = view.finding(&delay_settings, settings.detailed.as_ref().is_none_or(wanted));
         doubt::doubt(&mut measured, &view, finding.varies.as_ref(), (self.pair.kind, skew.as_ref()));
+        if matches!(self.pair.second, Second::Acceleration(_)) {
+            measured.remarks.extend(compared.turned_words(&self.names));
+        }
         Ok(measured)
     }
 
@@ -234,7 +237,9 @@ impl<'a> Known<'a> {
             // If channels do not move alike, no scatter or drift is reported, unless a change is detected.
             varies.take_if(|varies| !varies.kind.varies());
         }
-        let reason = unlike.or_else(|| gate::refuse_fit(fit, offer, motion, self.settings, &self.names));
+        let reason = unlike.or_else(|| {
+            gate::refuse_fit(fit, offer, motion, self.settings, &self.names, || compared.turned_words(&self.names))
+        });
         reason.map_or(Ok(()), |reason| Err(refusal(reason, varies.as_ref())))
     }
 

@@ -92,7 +92,7 @@ impl TrackFitter {
         let compared =
             foreign::Compared { first: &prepared.first, pieces: &cut, stretches: &stretches, delay_s: fit.delay_s };
         let refusal = compared.refusal(compared.unexplained_share(), &names);
-        if let Some(reason) = refusal.or_else(|| gate::refuse_fit(&fit, &offer, &motion, &settings, &names)) {
+        if let Some(reason) = refusal.or_else(|| gate::refuse_fit(&fit, &offer, &motion, &settings, &names, || None)) {
             return Err(reason);
         }
         Ok(TrackFit::of(&fit))
