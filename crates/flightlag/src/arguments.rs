@@ -50,7 +50,9 @@ timestamp. The metadata record `flightlag-recover` of OUT names the source file,
 const EXPORT: &str = "\
 Write the channels of a log, or its topics as logged, as Parquet, CSV or MCAP.
 
-Channels are in SI units, latitude and longitude in degrees; the name of a column ends with its unit. Timestamps are in \
+Channels are in SI units, latitude and longitude in degrees; the name of a column ends with its unit. Velocities are \
+north, east, down. Body axes are forward, right, down, and the quaternion w, x, y, z turns them to north, east, down, \
+whatever the axes of the log are. Timestamps are in \
 nanoseconds (`..._ns`); `t_s` is seconds since the first timestamp. If the clock of a table is not UTC and the log ties it to UTC, \
 the table also has `utc_ns`, and the log time of an MCAP is UTC. provenance.json in the same folder holds the hash of the log, the \
 map, units as written and as logged, clocks and how they are tied to UTC, and notices. An MCAP holds the same as metadata \

@@ -145,6 +145,7 @@ fn about(channel: &Channel, utc: Option<String>) -> Value {
     let timeline = channel.series.timeline();
     json!({
         "quantity": channel.quantity,
+        "axes": axes(channel.quantity),
         "topic": channel.source.topic,
         "type": channel.source.type_name,
         "fields": channel.source.fields,
@@ -152,6 +153,23 @@ fn about(channel: &Channel, utc: Option<String>) -> Value {
         "stamps": timeline.kind(),
         "utc": utc,
     })
+}
+
+/// The axes of a quantity, which may differ from those of the log; `None` for one without axes.
+fn axes(quantity: Quantity) -> Option<&'static str> {
+    match quantity {
+        Quantity::AngularRate | Quantity::SpecificForce | Quantity::MagneticField | Quantity::MagneticDirection => {
+            Some("x forward, y right, z down")
+        }
+        Quantity::Attitude => Some("from x forward, y right, z down to north, east, down"),
+        Quantity::PositionNed | Quantity::VelocityNed => Some("north, east, down"),
+        Quantity::PositionGeodetic
+        | Quantity::Height
+        | Quantity::EncoderCount
+        | Quantity::EncoderAngle
+        | Quantity::Pulse
+        | Quantity::Scalar => None,
+    }
 }
 
 /// The components that the log contains, and which values are held, as columns.
