@@ -500,7 +500,9 @@ fn also(over_time: Option<&DelayOverTime>) -> Vec<String> {
 fn words(out: &FlightLateness, pair: Option<&PairDelay>, over_time: Option<&DelayOverTime>) -> String {
     let position = out.position.as_deref().unwrap_or("position");
     if let Some(over_time) = over_time.filter(|o| o.kind.varies()) {
-        return over_time.words.clone();
+        let of_pair =
+            out.velocity.as_ref().map(|velocity| format!(" The delay is that of {position} against {velocity}."));
+        return over_time.words.clone() + &of_pair.unwrap_or_default();
     }
     let Some(channel) = &out.lateness else {
         return match pair.map(|p| &p.delay) {

@@ -24,10 +24,14 @@ pub(crate) struct Antenna {
 pub(crate) fn take_out(delays: &mut FlightDelays, flight: &Flight, about: &About, antenna: Antenna) {
     for pair in delays.pairs.iter_mut().filter(|p| p.kind == DelayPairKind::PositionAgainstVelocity) {
         let measured = lineage_from_name(&pair.first) == Lineage::Measured;
+        let Finding::Found(found) = &mut pair.delay else { continue };
         if !measured || is_of_antenna(flight, &pair.first, &pair.second) {
+            if measured && (antenna.ahead_m.is_some() || antenna.uncertainty_m.is_some()) {
+                let text = format!("antenna_ahead_m is not used: {} counts as measured at the antenna", pair.second);
+                found.remarks.push(text);
+            }
             continue;
         }
-        let Finding::Found(found) = &mut pair.delay else { continue };
         let Some(sensitivity) = sensitivity(flight, &pair.second) else { continue };
         // The parameters of an autopilot are about its own estimate of the velocity.
         let is_filter = lineage_from_name(&pair.second) == Lineage::Derived;

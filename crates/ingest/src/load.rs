@@ -203,7 +203,9 @@ fn name_after(unit: &FlightUnit) -> String {
 
 fn suggested(unit: &FlightUnit, context: &ReadContext<'_>) -> Result<String, IngestError> {
     if unit.kind != LogKind::Csv {
-        return Err(IngestError::Map("columns are guessed for text tables only; other logs name their types".into()));
+        let text = "columns are guessed for text tables only. `flightlag export LOG --topics --to csv` shows the fields of \
+                    other logs, and `flightlag maps --example` every key of a map";
+        return Err(IngestError::Map(text.to_owned()));
     }
     let nothing = |_: &TopicInfo| Selection::Skip;
     let heads = read(unit, &nothing, context)?.heads;
