@@ -110,6 +110,7 @@ fn table(record: &CampaignRecord, rows: &[&FlightRow], base: &str, reasons: &Rea
     let scale = scale(&record.flights);
     let row = |row: &FlightRow| flight_row(row, judged, base, scale, reasons.get(row.flight.as_str()));
     html! {
+        p.printed.note { "Not printed: the columns Flown, Data, and those that the page does not show at first. flights.csv has all." }
         div.scroll.tall tabindex="0" role="region" aria-label="All flights" {
             table.sortable #flights {
                 caption { "One row for each flight, the most severe first; ± is U with k = 2, and a blue bar shows it \
@@ -121,7 +122,7 @@ fn table(record: &CampaignRecord, rows: &[&FlightRow], base: &str, reasons: &Rea
     }
 }
 
-/// The column heads. The first eight columns are printed.
+/// The column heads. Of the first ten, all but the second and the eighth are printed.
 fn head(judged: bool, alarmed: bool) -> Vec<Column> {
     let (usual, more) = (|h| Column(h, true), |h| Column(h, false));
     let mut head = vec![
