@@ -240,8 +240,10 @@ fn pooled(members: &[(&str, &FlightLateness)], pool: &DelayPool, empty: GroupLat
     let of = |m: &PoolMember| Some(members.iter().find(|(flight, _)| *flight == m.flight)?.1);
     let own: Vec<&FlightLateness> = pool.members.iter().filter_map(of).collect();
     let against = own.first().map_or("imu".to_owned(), |l| l.against.clone());
-    let outliers: Vec<String> = pool.members.iter().filter(|m| m.outlier).map(|m| m.flight.clone()).collect();
     let described = pool.described();
+    // Without a mean, no flight differs from it.
+    let differing = pool.members.iter().filter(|m| m.outlier && described.is_some());
+    let outliers: Vec<String> = differing.map(|m| m.flight.clone()).collect();
     let mean_s = described.map(|mean| as_wide_as(&mean.mean_s, mean.half_width_95_s));
     let mut words = match described.zip(mean_s) {
         Some((mean, mean_s)) => {
@@ -255,7 +257,7 @@ fn pooled(members: &[(&str, &FlightLateness)], pool: &DelayPool, empty: GroupLat
             format!("no common delay: position {range} against {against} ({of_all})")
         }
     };
-    if described.is_some() && !outliers.is_empty() {
+    if !outliers.is_empty() {
         words += &differ(&outliers);
     }
     if let Some(split) = &pool.split {
