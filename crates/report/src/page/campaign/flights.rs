@@ -9,7 +9,9 @@ use crate::number;
 use crate::text::{Shown, href, sentence, shown};
 use crate::verdict::{in_millis, source_word};
 use maud::{Markup, Render, html};
-use record::{CampaignRecord, DelayAlarm, Estimate, FlightLateness, FlightRow, Gravity, Outcome, flight_alarms};
+use record::{
+    CampaignRecord, DelayAlarm, Estimate, FlightLateness, FlightRow, Gravity, JudgedBy, Outcome, flight_alarms,
+};
 use std::collections::BTreeMap;
 
 /// Maximum number of flights in the table of the campaign's page. Larger tables are on separate pages.
@@ -114,12 +116,26 @@ fn table(record: &CampaignRecord, rows: &[&FlightRow], base: &str, reasons: &Rea
         div.scroll.tall tabindex="0" role="region" aria-label="All flights" {
             table.sortable #flights {
                 caption { "One row for each flight, the most severe first; ± is U with k = 2, and a blue bar shows it \
-                           on one scale. —: not available." }
+                           on one scale. —: not available." (errors_of(record)) }
                 thead { tr { @for column in head(judged, alarmed) { (column) } } }
                 tbody { @for of in rows { (row(of)) } }
             }
         }
     }
+}
+
+/// What the errors of the table are, if they are not the same in all flights.
+fn errors_of(record: &CampaignRecord) -> String {
+    let judged = record.flights.iter().filter_map(|row| row.effect.as_ref()).filter(|e| e.error_raw_m.is_some());
+    let (whole, of_delay): (Vec<_>, Vec<_>) = judged.partition(|e| matches!(e.judged_by, JudgedBy::Truth(_)));
+    if whole.is_empty() || of_delay.is_empty() {
+        return String::new();
+    }
+    format!(
+        " Errors are of the whole position in the {} with a reference, and of the delay alone in the other {}.",
+        number::counted(whole.len() as u64, "flight", "flights"),
+        number::count(of_delay.len() as u64)
+    )
 }
 
 /// The column heads. Of the first ten, all but the second and the eighth are printed.
