@@ -306,14 +306,8 @@ fn with_untested_attitude(mut network: DelayNetwork) -> DelayNetwork {
         }
     }
     for channel in network.channels.iter_mut().filter(|c| c.datum == NetworkDatum::Imu) {
-        let value = channel.lateness_s.value;
-        channel.lateness_s.standard_uncertainty =
-            channel.lateness_s.standard_uncertainty.map(|u| u.hypot(UNTESTED_ATTITUDE_S));
+        widen(channel, UNTESTED_ATTITUDE_S);
         channel.model_uncertainty_s = channel.model_uncertainty_s.hypot(UNTESTED_ATTITUDE_S);
-        for end in &mut channel.interval_95_s {
-            let half_s = *end - value;
-            *end = value + half_s.signum() * half_s.hypot(NORMAL_95 * UNTESTED_ATTITUDE_S);
-        }
     }
     network.datum_words += &format!(
         " No gyro shows how late its attitude is: {:.0} ms are assumed (standard uncertainty).",
@@ -344,6 +338,33 @@ pub(crate) fn compensated_pair<'a>(delays: &'a FlightDelays, position: &str, vel
         .pairs
         .iter()
         .find(|p| p.kind == DelayPairKind::PositionAgainstVelocity && p.first == position && p.second == velocity)
+}
+
+/// A smaller change of a velocity against the IMU is left to its uncertainty, s.
+const LEAST_CHANGE_S: f64 = 0.05;
+
+/// A change of the velocity's delay against the IMU, in words, and its size, s: position and velocity of a receiver may
+/// change together, which their difference does not show.
+fn change_against_imu(velocity: &str, delays: &FlightDelays) -> Option<(String, f64)> {
+    let is_used = |p: &&PairDelay| {
+        p.kind == DelayPairKind::VelocityAgainstAcceleration && p.first == velocity && p.not_for_network.is_none()
+    };
+    let pair = delays.pairs.iter().filter(is_used).find(|p| p.delay.found().is_some())?;
+    let found = pair.delay.found()?;
+    let step = found.homogeneity?.largest_step;
+    let change_s = (step.after_s.value - step.before_s.value).abs();
+    let alarm = found.alarm.as_ref().filter(|_| change_s > LEAST_CHANGE_S)?;
+    Some((format!("{velocity} against {}: {alarm}. The position may change with it", pair.second), change_s))
+}
+
+/// Adds a standard uncertainty to a lateness, s.
+fn widen(channel: &mut ChannelLateness, by_s: f64) {
+    let value = channel.lateness_s.value;
+    channel.lateness_s.standard_uncertainty = channel.lateness_s.standard_uncertainty.map(|u| u.hypot(by_s));
+    for end in &mut channel.interval_95_s {
+        let half_s = *end - value;
+        *end = value + half_s.signum() * half_s.hypot(NORMAL_95 * by_s);
+    }
 }
 
 /// Remarks on the comparison of the velocity with an acceleration, such as a heading that is off.
@@ -386,10 +407,16 @@ fn answered(
         ..base
     };
     out.kind = kind_of(&out, over_time, measured);
+    let change = change_against_imu(&velocity, delays).filter(|_| !out.kind.varies());
+    if let Some((_, change_s)) = &change {
+        out.kind = DelayKind::Scatters;
+        out.lateness.iter_mut().for_each(|channel| widen(channel, change_s / 12_f64.sqrt()));
+    }
     out.also = also(over_time);
     out.alarms = alarms::of(&out, network, measured, over_time);
     out.alarms.extend(unused_imu(&out, delays));
     out.alarms.extend(remarks_on_imu(&velocity, delays));
+    out.alarms.extend(change.as_ref().map(|(text, _)| DelayAlarm::of(Alarm::DelayDoubtful, text.clone())));
     out.words = words(&out, pair, over_time);
     if out.datum == NetworkDatum::Imu && no_attitude_is_tested(delays) {
         out.words +=
@@ -405,7 +432,8 @@ fn answered(
         out.words += &velocities_in_words(&velocity, network);
     }
     let absolute = out.lateness.as_ref().is_some_and(|l| l.relative_to.is_none());
-    let may_be_set = |lateness_s: &Estimate| Side::of_estimate(lateness_s) == Side::Late && !out.kind.varies();
+    let is_one_number = !out.kind.varies() && change.is_none();
+    let may_be_set = |lateness_s: &Estimate| Side::of_estimate(lateness_s) == Side::Late && is_one_number;
     if let Some(lateness_s) = out.lateness_s().filter(|lateness_s| absolute && may_be_set(lateness_s)) {
         let other_velocity = network.and_then(|n| other_velocity(n, &position));
         out.advice = advice(&lateness_s, &out, other_velocity, health);

@@ -171,6 +171,7 @@ fn row_6_keeps_the_flights_if_they_contradict_the_card() {
     assert_eq!((removed.row, removed.source, removed.value_s), (6, Some(DelaySource::OthersFlights), Some(0.201)));
     assert!(removed.card_e_n.unwrap() > 1.0);
     assert!(removed.words.starts_with("Card contradicted by 4 flights."), "{}", removed.words);
+    assert!(removed.contradicted.is_some_and(|text| text.starts_with("The card, 100.0 ms, is contradicted")));
     let alone = by_default(&[own]);
     assert_eq!((alone.row, alone.source, alone.circular), (6, Some(DelaySource::OwnNetwork), true));
     assert!(alone.words.starts_with("Card contradicted by 1 flight."));

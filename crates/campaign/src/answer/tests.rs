@@ -1,8 +1,8 @@
 //! Wording of a lateness and of a difference, and other consequences of an answer.
 
 use super::{
-    advice, advice_in, contradicts_reference, fly, kind_of, network_of, other_receivers, receivers_in_words, unknown,
-    unused_imu, velocities_in_words, words,
+    advice, advice_in, change_against_imu, contradicts_reference, fly, kind_of, network_of, other_receivers,
+    receivers_in_words, unknown, unused_imu, velocities_in_words, widen, words,
 };
 use crate::config::Pipeline;
 use crate::known_lateness::{contradiction_of_card, known, velocity_before_motion, velocity_lateness_s};
@@ -445,4 +445,51 @@ fn an_untested_attitude_widens_the_lateness_against_the_imu_only() {
     // A velocity that would come before the motion still shows that the IMU is late.
     let early = solved(-0.06, true);
     assert_eq!((early.datum, u(&early)), (NetworkDatum::Refused, u(&solved(-0.06, false))));
+}
+
+/// Former bug: position and velocity whose delay steps together were "constant", with a setting, although the record of
+/// velocity against IMU held the step.
+#[test]
+fn a_change_against_the_imu_is_in_the_uncertainty_and_gives_no_single_delay() {
+    let found = |after_s: f64| -> MeasuredDelay {
+        let text = format!(
+            r#"{{"delay_s": {{"value": 0.2, "standard_uncertainty": 0.002}}, "interval_95_s": [0.196, 0.204], "hessian_s": 0.002,
+            "hac_s": 0.002, "widened_s": 0.0, "crlb_s": 0.0, "smallest_detectable_s": 0.0, "samples": 100,
+            "downweighted_share": 0.0, "rival_s": null, "pieces": [], "over_time": [], "alarm": "the delay changes",
+            "homogeneity": {{"chi2": 30.0, "degrees_of_freedom": 9, "p": 1e-5, "largest_step": {{"at_s": 150.0, "p": 1e-6,
+                "before_s": {{"value": 0.1, "standard_uncertainty": 0.02}},
+                "after_s": {{"value": {after_s}, "standard_uncertainty": 0.02}}}}}},
+            "splits": [], "injections": []}}"#
+        );
+        serde_json::from_str(&text).unwrap()
+    };
+    let change = |after_s: f64, first: &str| {
+        let pair = PairDelay {
+            kind: DelayPairKind::VelocityAgainstAcceleration,
+            first: first.into(),
+            second: "attitude.ins + specific-force.imu".into(),
+            meaning: String::new(),
+            origin: None,
+            excitation: None,
+            delay: Finding::Found(found(after_s)),
+            varies: None,
+            not_for_network: None,
+            is_attitude_untested: false,
+            lever_arm_s_per_decimetre: None,
+        };
+        change_against_imu("velocity.gps", &FlightDelays { pairs: vec![pair] })
+    };
+    let (text, change_s) = change(0.3, "velocity.gps").unwrap();
+    assert!(text.starts_with("velocity.gps against attitude.ins + specific-force.imu: the delay changes."), "{text}");
+    assert!((change_s - 0.2).abs() < 1e-12);
+    assert_eq!(change(0.13, "velocity.gps"), None, "30 ms are left to the uncertainty");
+    assert_eq!(change(0.3, "velocity.ekf"), None, "not the velocity that is used");
+    let mut channel = late(0.2, None).lateness.unwrap();
+    widen(&mut channel, 0.003);
+    assert!((channel.lateness_s.standard_uncertainty.unwrap() - 0.005).abs() < 1e-12, "√(4² + 3²) ms");
+    let half_s = 0.008_f64.hypot(1.96 * 0.003);
+    assert!(
+        (channel.interval_95_s[1] - 0.2 - half_s).abs() < 1e-12
+            && (0.2 - half_s - channel.interval_95_s[0]).abs() < 1e-12
+    );
 }

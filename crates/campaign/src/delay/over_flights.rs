@@ -56,9 +56,23 @@ fn over_flights(rows: &[&FlightRow], of: impl Fn(&FlightRow) -> Option<Reading>)
     })
 }
 
-/// The card's delay, if it is the same for all flights that have one.
+/// The card's delay of position against velocity, if it is the same for all flights that have one. A card with the
+/// position alone is not compared in a flight whose velocity is known to be late or on time.
 fn card(rows: &[&FlightRow]) -> Option<Estimate> {
-    let mut all = rows.iter().filter_map(|row| row.card_delay_s);
+    let of = |row: &&FlightRow| {
+        let (position_s, lateness) = (row.card_delay_s?, row.lateness.as_ref());
+        let velocity_s = lateness.and_then(|l| l.card.as_ref()?.found()?.card.velocity_delay_s);
+        let is_absolute = lateness.is_some_and(|l| l.lateness.as_ref().is_some_and(|c| c.relative_to.is_none()));
+        match velocity_s {
+            Some(velocity_s) => {
+                let both = position_s.standard_uncertainty.zip(velocity_s.standard_uncertainty);
+                let standard_uncertainty = both.map(|(u, v)| u.hypot(v));
+                Some(Estimate { value: position_s.value - velocity_s.value, standard_uncertainty })
+            }
+            None => Some(position_s).filter(|_| !is_absolute),
+        }
+    };
+    let mut all = rows.iter().filter_map(of);
     let first = all.next()?;
     all.all(|other| other == first).then_some(first)
 }
@@ -161,6 +175,20 @@ mod tests {
         let row: FlightRow = serde_json::from_value(json).unwrap();
         assert_eq!(row.outcome, Outcome::Compensated);
         FlightRow { measured_delay_s: Some(Estimate { value: delay_s, standard_uncertainty: Some(u) }), ..row }
+    }
+
+    /// Former bug: a right card, 200 ms, "differs" from the difference to a velocity that is 200 ms late, too.
+    #[test]
+    fn a_card_with_the_position_alone_is_not_compared_with_a_difference_to_a_late_velocity() {
+        let with_card = |is_absolute: bool| {
+            let row = row("a", 0.0, 0.002);
+            let zero = (!is_absolute).then(|| "velocity.gps".to_owned());
+            let lateness = crate::answer::tests::late(0.2, zero.as_deref());
+            let card_delay_s = Some(Estimate { value: 0.2, standard_uncertainty: Some(0.004) });
+            card(&[&FlightRow { card_delay_s, lateness: Some(lateness), ..row }])
+        };
+        assert_eq!(with_card(true), None);
+        assert!(with_card(false).is_some());
     }
 
     /// rms² = floor² + speed² (Td − best)², at multiples of 5 ms and at the best delay.

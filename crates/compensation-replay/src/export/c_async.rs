@@ -71,7 +71,7 @@ void {prefix}_init_warm({prefix}_t *c, {real} velocity);
 /* Starts from rest: nothing was flown before, and velocity ramps up from zero over one step. */
 void {prefix}_init_cold({prefix}_t *c, {real} velocity);
 
-/* The next velocity, m/s, {step} s after the last. */
+/* The next velocity, m/s, {step} s after the last. It must be a finite number. */
 void {prefix}_step({prefix}_t *c, {real} velocity);
 
 /* A new position, m, and its age at the newest velocity, s. Returns 1. Returns 0 and changes nothing if the age is

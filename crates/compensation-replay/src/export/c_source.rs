@@ -253,7 +253,8 @@ void {prefix}_init_warm({prefix}_t *c, {real} velocity);
 /* Starts from rest: velocity ramps up from zero over the first step. */
 void {prefix}_init_cold({prefix}_t *c, {real} velocity);
 
-/* The next velocity, m/s, {step} s after the last. Returns the displacement, m. */
+/* The next velocity, m/s, {step} s after the last. Returns the displacement, m. The velocity must be a finite number:
+   NaN and infinity stay in the state until the next init. */
 {real} {prefix}_step({prefix}_t *c, {real} velocity);
 
 /* Where the vehicle is now, m, from the newest (late) position, m. */

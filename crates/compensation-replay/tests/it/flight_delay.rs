@@ -785,7 +785,8 @@ fn an_imu_that_cannot_test_the_attitude_is_named() {
     };
     let as_it_is = |rate: [f64; 3]| rate;
     assert_eq!(said(&as_it_is, 1.0), (false, String::new()));
-    let cases: [(&dyn Fn([f64; 3]) -> [f64; 3], f64, &str); 4] = [
+    type Gyro<'a> = &'a dyn Fn([f64; 3]) -> [f64; 3];
+    let cases: [(Gyro<'_>, f64, &str); 4] = [
         (&|rate| rate.map(f64::to_degrees), 1.0, "its unit is degrees per second"),
         (&|[x, y, z]| [x, -y, -z], 1.0, "its axes y and z are reversed"),
         (&|_| [0.0; 3], 1.0, "it is zero throughout"),

@@ -78,7 +78,9 @@ impl Table<'_> {
     /// Rows 1 to 8.
     fn network(&self) -> Choice {
         match (self.by_flights(), self.card_delay()) {
-            (Some(choice), Some(card)) => with_card(choice, card),
+            (Some(choice), Some(card)) => {
+                Choice { contradicted: self.contradiction("The card", card), ..with_card(choice, card) }
+            }
             (Some(choice), None) => choice,
             (None, card) => self.without_own_delay(card),
         }
