@@ -12,7 +12,7 @@ use crate::reference::{OF_REFERENCE_FILE, settled};
 use compensation_replay::{AutopilotParameter, MeasuredAgainst, ParameterFit, Refusal, autopilot_advice, pick_pair};
 use delay_from_flight::{FlightDelaySettings, measure_delays};
 use delay_network::{Lineage, NetworkSettings, PairObservation, ReferenceUse, difference, lineage_from_name, solve};
-use flight::{Alarm, Binding, Code, Delay, Flight, LogHealth, Notices};
+use flight::{Alarm, Binding, Code, ConfiguredDelay, Delay, Flight, LogHealth, Notices};
 use record::{
     ChannelLateness, DelayAdvice, DelayAlarm, DelayKind, DelayNetwork, DelayOverTime, DelayPairKind, DelaySetting,
     Estimate, Finding, FlightContent, FlightDelays, FlightLateness, Gravity, MeasuredDelay, MeasuredFlight,
@@ -428,7 +428,9 @@ fn answered(
     }
     if let Some(network) = network {
         out.other_receivers = other_receivers(&out, network);
-        out.words += &receivers_in_words(&out);
+        let others = receivers_in_words(&out);
+        out.alarms.extend(other_receiver(&others));
+        out.words += &others;
         out.words += &velocities_in_words(&velocity, network);
     }
     let absolute = out.lateness.as_ref().is_some_and(|l| l.relative_to.is_none());
@@ -438,8 +440,35 @@ fn answered(
         let other_velocity = network.and_then(|n| other_velocity(n, &position));
         out.advice = advice(&lateness_s, &out, other_velocity, health);
     }
+    out.alarms.extend(parameter_differs(&out, health));
     out.advice.fly = fly(&out, pair, over_time);
     out
+}
+
+/// An alarm about other receivers of the log, from their words.
+fn other_receiver(words: &str) -> Option<DelayAlarm> {
+    let text = words.strip_prefix(". ")?;
+    Some(DelayAlarm::of(Alarm::OtherReceiver, text.to_owned()))
+}
+
+/// An alarm if the position is on time or early, and a parameter for the first receiver states a delay that the interval
+/// excludes by more than [`ON_TIME_S`].
+fn parameter_differs(out: &FlightLateness, health: &LogHealth) -> Option<DelayAlarm> {
+    const OF_FIRST: [&str; 3] = ["EKF2_GPS_DELAY", "GPS_DELAY_MS", "GPS1_DELAY_MS"];
+    let is_known = |c: &&ChannelLateness| c.relative_to.is_none() && !c.weak && c.channel == "position.gps";
+    let own = out.lateness.as_ref().filter(is_known).filter(|_| !out.kind.varies())?;
+    let is_late = Side::of_estimate(&own.lateness_s) == Side::Late;
+    let [_, most_s] = own.interval_95_s;
+    let states_more = |c: &&ConfiguredDelay| OF_FIRST.contains(&c.parameter.as_str()) && c.value_s > most_s + ON_TIME_S;
+    let stated = health.about.configured_delays.iter().find(states_more).filter(|_| !is_late)?;
+    let text = format!(
+        "{} is {:.0} ms in this log, and {} is {} ms late",
+        stated.parameter,
+        1e3 * stated.value_s,
+        own.channel,
+        in_ms(&own.lateness_s)
+    );
+    Some(DelayAlarm::of(Alarm::ParameterDiffers, text))
 }
 
 /// Why the IMU of a log does not show how late position and velocity are.

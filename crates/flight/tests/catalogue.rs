@@ -387,6 +387,16 @@ const FIRED_ALARMS: &[(Alarm, &str, &str)] = &[
     ),
     (Alarm::Outliers, "crates/campaign/src/answer/alarms.rs", "doubts_about_a_fit_raise_an_alarm"),
     (Alarm::DelayDoubtful, "crates/campaign/src/answer/alarms.rs", "doubts_about_a_fit_raise_an_alarm"),
+    (
+        Alarm::OtherReceiver,
+        "crates/campaign/src/answer/tests.rs",
+        "another_receiver_with_a_different_delay_is_reported",
+    ),
+    (
+        Alarm::ParameterDiffers,
+        "crates/campaign/src/answer/tests.rs",
+        "a_parameter_that_states_a_delay_of_a_position_on_time_is_an_alarm",
+    ),
     (Alarm::ReferenceNotUsed, "tests/it/reference.rs", "an_unusable_reference_file_is_an_alarm_with_its_reason"),
     (
         Alarm::ReferenceContradicted,

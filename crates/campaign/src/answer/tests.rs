@@ -1,14 +1,14 @@
 //! Wording of a lateness and of a difference, and other consequences of an answer.
 
 use super::{
-    advice, advice_in, change_against_imu, contradicts_reference, fly, kind_of, network_of, other_receivers,
-    receivers_in_words, unknown, unused_imu, velocities_in_words, widen, words,
+    advice, advice_in, change_against_imu, contradicts_reference, fly, kind_of, network_of, other_receiver,
+    other_receivers, parameter_differs, receivers_in_words, unknown, unused_imu, velocities_in_words, widen, words,
 };
 use crate::config::Pipeline;
 use crate::known_lateness::{contradiction_of_card, known, velocity_before_motion, velocity_lateness_s};
 use crate::line::{DelayLine, LineParts};
 use delay_network::{NetworkSettings, PairObservation, ReferenceUse, difference, lineage_from_name, solve};
-use flight::{LogHealth, Notices};
+use flight::{ConfiguredDelay, LogHealth, Notices};
 use record::{
     CardDelay, CardUse, ChannelLateness, Decision, DelayAdvice, DelayAlarm, DelayKind, DelayNetwork, DelayOverTime,
     DelayPairKind, DelaySetting, DelaySource, Estimate, Finding, FlightDelays, FlightLateness, Gravity, GroupLateness,
@@ -214,6 +214,10 @@ fn another_receiver_with_a_different_delay_is_reported() {
         let own = FlightLateness { lateness, ..late(0.2, Some("velocity.gps")) };
         receivers_in_words(&FlightLateness { other_receivers: other_receivers(&own, &network), ..own })
     };
+    let alarm = other_receiver(&others("position.gps-2", 0.45)).unwrap();
+    assert!(alarm.text.starts_with("Another position of this log, position.gps-2, is 450"), "{}", alarm.text);
+    assert_eq!((alarm.gravity, alarm.code.as_str()), (Gravity::Amber, "other-receiver"));
+    assert_eq!(other_receiver(&others("position.gps-2", 0.201)), None);
     let words = others("position.gps-2", 0.45);
     assert!(words.starts_with(". Another position of this log, position.gps-2, is 450"), "{words}");
     assert!(words.ends_with("ms later than velocity.gps"), "{words}");
@@ -492,4 +496,21 @@ fn a_change_against_the_imu_is_in_the_uncertainty_and_gives_no_single_delay() {
         (channel.interval_95_s[1] - 0.2 - half_s).abs() < 1e-12
             && (0.2 - half_s - channel.interval_95_s[0]).abs() < 1e-12
     );
+}
+
+/// Former bug: with GPS_DELAY_MS = 200 a receiver that is on time needed nothing, and the autopilot flew 200 ms ahead.
+#[test]
+fn a_parameter_that_states_a_delay_of_a_position_on_time_is_an_alarm() {
+    let alarm = |late_s: f64, stated_s: f64| {
+        let mut health = LogHealth::default();
+        health.about.configured_delays =
+            vec![ConfiguredDelay { parameter: "GPS_DELAY_MS".to_owned(), value_s: stated_s, meaning: String::new() }];
+        let alarm = parameter_differs(&late(late_s, None), &health)?;
+        assert_eq!(alarm.code, "parameter-differs");
+        Some(alarm.text)
+    };
+    assert_eq!(alarm(0.001, 0.2).unwrap(), "GPS_DELAY_MS is 200 ms in this log, and position.gps is 1.0 ± 8.0 ms late");
+    assert_eq!(alarm(0.001, 0.02), None, "within the interval and 20 ms");
+    assert_eq!(alarm(0.001, 0.0), None);
+    assert_eq!(alarm(0.18, 0.3), None, "a late position has a setting instead");
 }

@@ -421,8 +421,14 @@ catalogue! {
             "Use timestamps of the measurement instead of the arrival.";
         Outliers, "outliers", Amber, "More than 5 % of the samples are outliers.",
             "Look at the residuals on the page of the flight.";
-        DelayDoubtful, "delay-doubtful", Amber, "The residuals or a comparison of slow with fast motion do not fit a pure delay. The text says how.",
+        DelayDoubtful, "delay-doubtful", Amber, "The residuals, a comparison of slow with fast motion, or a change against the IMU do not fit \
+            one pure delay. The text says how.",
             "Look at the named check on the page of the flight.";
+        OtherReceiver, "other-receiver", Amber, "Another position of the log has another lateness. The text gives it.",
+            "Set the delay of each receiver. A parameter that serves all receivers suits only one of them.";
+        ParameterDiffers, "parameter-differs", Amber, "A parameter of the autopilot states a delay, and the position is on time or early. \
+            The autopilot removes a delay that is not there.",
+            "Correct the parameter, or check that it is meant for this receiver.";
         ReferenceNotUsed, "reference-not-used", Amber,
             "The reference file was not used. The text gives the reason. The exit code is 3.",
             "Correct what the text names: day, clock or columns of the reference file.";
