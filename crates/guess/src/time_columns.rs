@@ -1,6 +1,7 @@
 //! Infers which column of a table is the time, and its unit.
 
 use super::names::{Named, Role};
+use super::write::with_unit;
 use binding::stamps_by;
 use flight::{Clock, Unit};
 use formats::Table;
@@ -149,7 +150,7 @@ fn of_numbers(table: &Table, column: &Named, (middle, step): (f64, f64)) -> Vec<
             false => "elapsed",
         };
         let entry = format!("{{ field = {field}, unit = \"{unit}\", clock = \"{clock}\" }}");
-        let label = format!("{} [{unit}], clock {clock}", column.path);
+        let label = format!("{}, clock {clock}", with_unit(&column.path, unit));
         timing(table, (entry, label), kind_of(column), format!("{why}, clock {clock}"), is_certain)
     };
     if let Some(unit) = column.unit {

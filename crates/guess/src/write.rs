@@ -5,7 +5,7 @@ use super::compare::{Motion, Place, UNSHOWN, Vertical};
 use super::found::{Found, Guess};
 use super::names::quoted;
 use flight::Unit;
-use std::fmt::Write;
+use std::fmt::{Display, Write};
 
 /// Sources that the default pipeline uses.
 const USUAL: [&str; 3] = ["gps", "ins", "ekf"];
@@ -248,7 +248,7 @@ fn channel(text: &mut String, name: &str, channel: &Channel<'_>, at: &Where<'_>)
 }
 
 /// A column with its unit, unless its name ends with it.
-fn with_unit(column: &str, unit: &Unit) -> String {
+pub(crate) fn with_unit(column: &str, unit: impl Display) -> String {
     let ends = [format!("[{unit}]"), format!("({unit})")].iter().any(|end| column.ends_with(end.as_str()));
     if ends { column.to_owned() } else { format!("{column} [{unit}]") }
 }
