@@ -127,7 +127,7 @@ fn notices_of(best: &Trial<'_>, log: &Log) -> Notices {
         notices.push(Code::UnknownWord, "", 1, text);
     }
     for equals in &best.equals {
-        let advice = "; a channel map that names the topic decides";
+        let advice = "; name the topic in a channel map to choose";
         notices.push(Code::SeveralSources.at(Severity::Warning), "", 1, equals.in_words() + advice);
     }
     stamp_notices::note_stamps(&best.plans, &mut notices);

@@ -692,7 +692,13 @@ fn meaning_of(written: MapFile, file: &SettingsFile<'_>, text: &str) -> Result<C
             (Ok(_), Err(Refused)) => {}
         }
     }
+    let is_missing =
+        |name: &&toml::Spanned<String>| written.channel.iter().all(|c| c.get_ref().name != **name.get_ref());
+    if let Some(name) = written.needs.iter().find(is_missing) {
+        return Err(file.reject(name, format!("needs: the map has no channel {}", name.get_ref())));
+    }
     let MapFile { name, title, generic, needs, channel, .. } = written;
+    let needs = needs.into_iter().map(toml::Spanned::into_inner).collect();
     let optional = channel.into_iter().map(toml::Spanned::into_inner).filter(|entry| entry.optional);
     let optional = optional.map(|entry| entry.name).collect();
     let text = text.to_owned();

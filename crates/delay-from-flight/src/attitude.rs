@@ -162,9 +162,7 @@ impl Turns {
         let u = many.uncertainty(late_s)?;
         (left < MOST_UNEXPLAINED * moved && u < WORST_U_S).then(|| estimate(late_s, u))
     }
-}
 
-impl Turns {
     /// What is wrong with the gyro if it follows the attitude with another factor or sign, in words.
     fn wrong(&self) -> Option<String> {
         const LEAST_CORRELATION: f64 = 0.9;

@@ -40,7 +40,8 @@ pub struct MapFile {
     pub generic: bool,
     /// Channels without which the map does not fit a log. Default: none in particular.
     #[serde(default)]
-    pub needs: Vec<String>,
+    #[cfg_attr(feature = "schema", schemars(with = "Vec<String>"))]
+    pub needs: Vec<Spanned<String>>,
     /// Sources of timestamps for all channels without their own.
     #[serde(default)]
     pub time: TimeTable,

@@ -177,21 +177,26 @@ fn a_difference_has_a_kind_and_its_sentence_never_says_late() {
 }
 
 /// Former bug: "the lateness of both is unknown", and no word on the IMU that the log has.
-#[test]
-fn an_imu_that_is_not_used_is_reported_with_its_reason() {
-    let pair = |first: &str, why: &str| PairDelay {
+/// A velocity against the IMU that was not measured.
+fn against_imu(first: &str) -> PairDelay {
+    PairDelay {
         kind: DelayPairKind::VelocityAgainstAcceleration,
         first: first.into(),
         second: "attitude.ins + specific-force.imu".into(),
         meaning: String::new(),
         origin: None,
         excitation: None,
-        delay: Finding::CannotTell(why.into()),
+        delay: Finding::CannotTell(String::new()),
         varies: None,
         not_for_network: None,
         is_attitude_untested: false,
         lever_arm_s_per_decimetre: None,
-    };
+    }
+}
+
+#[test]
+fn an_imu_that_is_not_used_is_reported_with_its_reason() {
+    let pair = |first: &str, why: &str| PairDelay { delay: Finding::CannotTell(why.into()), ..against_imu(first) };
     let delays = FlightDelays { pairs: vec![pair("velocity.ekf", "other"), pair("velocity.gps", "check axes")] };
     let relative = late(0.1, Some("velocity.gps"));
     let remark = unused_imu(&relative, &delays).unwrap();
@@ -418,16 +423,10 @@ fn an_untested_attitude_widens_the_lateness_against_the_imu_only() {
     };
     let pair = |kind, first: &str, second: &str, delay_s: f64, is_attitude_untested: bool| PairDelay {
         kind,
-        first: first.into(),
         second: second.into(),
-        meaning: String::new(),
-        origin: None,
-        excitation: None,
         delay: measured(delay_s),
-        varies: None,
-        not_for_network: None,
         is_attitude_untested,
-        lever_arm_s_per_decimetre: None,
+        ..against_imu(first)
     };
     let solved = |velocity_s: f64, is_untested: bool| {
         use DelayPairKind::{PositionAgainstVelocity, VelocityAgainstAcceleration};
@@ -468,19 +467,7 @@ fn a_change_against_the_imu_is_in_the_uncertainty_and_gives_no_single_delay() {
         serde_json::from_str(&text).unwrap()
     };
     let change = |after_s: f64, first: &str| {
-        let pair = PairDelay {
-            kind: DelayPairKind::VelocityAgainstAcceleration,
-            first: first.into(),
-            second: "attitude.ins + specific-force.imu".into(),
-            meaning: String::new(),
-            origin: None,
-            excitation: None,
-            delay: Finding::Found(found(after_s)),
-            varies: None,
-            not_for_network: None,
-            is_attitude_untested: false,
-            lever_arm_s_per_decimetre: None,
-        };
+        let pair = PairDelay { delay: Finding::Found(found(after_s)), ..against_imu(first) };
         change_against_imu("velocity.gps", &FlightDelays { pairs: vec![pair] })
     };
     let (text, change_s) = change(0.3, "velocity.gps").unwrap();

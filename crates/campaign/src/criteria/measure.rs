@@ -162,8 +162,12 @@ impl<'a> Subject<'a> {
         self.record.drawable().ok_or_else(|| no_replay(self.record))
     }
 
-    /// Whether the flight has a reference; `None` if its channels are unknown.
+    /// Whether the flight has a reference; `None` if its channels are unknown. One whose clock is contradicted is none to
+    /// score against, but the flight must not pass over the criterion because of that.
     pub(super) fn has_reference(&self) -> Option<bool> {
+        if self.contradicted_reference().is_some() {
+            return Some(true);
+        }
         use DelayPairKind::{PositionAgainstReference, VelocityAgainstReference};
         let of_pairs = |pairs: &[PairDelay]| {
             pairs.iter().any(|p| [PositionAgainstReference, VelocityAgainstReference].contains(&p.kind))

@@ -271,6 +271,11 @@ fn a_contradicted_reference_gives_no_number() {
     json["lateness"]["alarms"] = json!([alarm]);
     let found = verdict(&json);
     assert_eq!((found.verdict, found.reason.as_str()), (CriterionVerdict::NotEvaluated, "the clock is off"));
+    // It has left the replay, and still is a reference.
+    json["replay"]["pair"]["reference"] = Value::Null;
+    let with_one = format!("{}\napplies_to = {{ reference = true }}", any_limit("error-rms"));
+    let found = judged(&one("error-rms", &with_one), &serde_json::from_value(json).unwrap());
+    assert_eq!((found.verdict, found.reason.as_str()), (CriterionVerdict::NotEvaluated, "the clock is off"));
 }
 
 /// The first pair with this course of its delay.

@@ -303,6 +303,40 @@ fn two_topics_of_the_same_type_are_named_when_ambiguous() {
     assert!(error.contains("/a and /c fit equally well"), "{error}");
 }
 
+/// Former bug: of two topics of a type neither was used, and nothing was said.
+#[test]
+fn of_several_imus_the_shortest_name_is_used_and_of_several_receivers_none() {
+    let turned: [(&str, &[f64]); 3] =
+        [("angular_velocity.x", &[0.1; 3]), ("angular_velocity.y", &[0.2; 3]), ("angular_velocity.z", &[0.3; 3])];
+    let imu = |name: &str| typed(name, "sensor_msgs/Imu", &turned, STAMPS, LOGGED);
+    let receiver = |name: &str| fix(name, "sensor_msgs/NavSatFix");
+    let tables = vec![imu("/imu/data_raw"), imu("/imu/data"), receiver("/a"), receiver("/c"), twist("/b", STAMPS)];
+    let (flight, binding) = bound(tables).unwrap();
+    let topic = |name: &str| binding.channels.iter().find(|c| c.name == name).map(|c| c.source.topic.as_str());
+    assert_eq!((topic("angular-rate.imu"), topic("position.gps")), (Some("/imu/data"), None));
+    let said: Vec<&str> =
+        flight.notices.iter().filter(|n| n.code == "several-sources").map(|n| n.text.as_str()).collect();
+    let is_said = |text: &str| said.iter().any(|said| said.starts_with(text));
+    assert!(is_said("channel position.gps is not bound: the topics /a and /c fit equally well"), "{said:?}");
+    let used =
+        "channel angular-rate.imu: the topics /imu/data and /imu/data_raw fit equally well, and /imu/data is used";
+    assert!(is_said(used), "{said:?}");
+}
+
+/// Former bug: the demo's map took every log with `/gps/fix` and `/gps/vel`, without its IMU.
+#[test]
+fn a_map_fits_only_with_the_channels_that_it_needs() {
+    let of_robot = || vec![fix("/gps/fix", "sensor_msgs/NavSatFix"), twist("/gps/vel", STAMPS)];
+    assert_eq!(bound(of_robot()).unwrap().1.map, "navsatfix-twist");
+    let of_demo = [of_robot(), vec![fix("/truth/fix", "sensor_msgs/NavSatFix")]].concat();
+    assert_eq!(bound(of_demo).unwrap().1.map, "flightlag-demo");
+    let shipped = MapLibrary::shipped().unwrap();
+    let demo = shipped.get("flightlag-demo").unwrap().text().to_owned();
+    let mistyped = demo.replace("needs = [\"position.truth\"]", "needs = [\"position.thruth\"]");
+    let error = ChannelMap::from_toml(Path::new("own.toml"), &mistyped).unwrap_err().to_string();
+    assert!(error.contains("needs: the map has no channel position.thruth"), "{error}");
+}
+
 #[test]
 fn topics_match_by_name_before_type_also_below_a_namespace() {
     let tables = vec![
