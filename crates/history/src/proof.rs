@@ -5,7 +5,7 @@
 //! their residual is measured and compared with the prediction.
 
 use crate::brief::{Brief, PageOf, latest_briefs};
-use crate::change_points::SharedMean;
+use crate::change_points::{Looks, SharedMean, change_points};
 use record::{Estimate, ProofVerdict, SettingProof};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -51,8 +51,8 @@ pub fn proofs(rows: &[Brief], page: PageOf<'_>) -> Vec<SettingProof> {
 fn of_subject(subject: Subject<'_>, rows: &[&Brief], page: PageOf<'_>) -> Vec<SettingProof> {
     let epochs = epochs(rows);
     let mut found = vec![];
-    if let [.., before, after] = epochs.as_slice() {
-        found.extend(tested(subject, before, after, rows, page));
+    if let [earlier @ .., after] = epochs.as_slice() {
+        found.extend(tested(subject, earlier, after, rows, page));
     }
     if let Some(last) = epochs.last() {
         found.extend(open(subject, last));
@@ -82,39 +82,45 @@ fn epochs<'a>(rows: &[&'a Brief]) -> Vec<Epoch<'a>> {
     epochs
 }
 
-/// The recommendation for the earlier flights by the last run before any of the later ones.
-fn recommendation<'a>(before: &Epoch<'_>, after: &Epoch<'_>, rows: &[&'a Brief]) -> Option<&'a Brief> {
+/// The recommendation for the earlier flights by the last run before any of the later ones that recommends a value.
+fn recommendation<'a>(earlier: &[Epoch<'_>], after: &Epoch<'_>, rows: &[&'a Brief]) -> Option<&'a Brief> {
     let is_in = |epoch: &Epoch<'_>, row: &Brief| epoch.latest.iter().any(|of| of.flight == row.flight);
     let first_run = rows.iter().filter(|row| is_in(after, row)).map(|row| row.run_ns).min()?;
-    let earlier = rows.iter().filter(|row| row.run_ns < first_run && row.advised_s.is_some() && is_in(before, row));
-    earlier.copied().max_by_key(|row| (row.run_ns, row.flown_ns))
+    let is_before = |row: &Brief| earlier.iter().any(|epoch| is_in(epoch, row));
+    let made = rows.iter().filter(|row| row.run_ns < first_run && row.advised_s.is_some() && is_before(row));
+    made.copied().max_by_key(|row| (row.run_ns, row.flown_ns))
 }
 
 fn tested(
     subject: Subject<'_>,
-    before: &Epoch<'_>,
+    earlier: &[Epoch<'_>],
     after: &Epoch<'_>,
     rows: &[&Brief],
     page: PageOf<'_>,
 ) -> Option<SettingProof> {
-    let recommended = recommendation(before, after, rows)?;
+    let before = earlier.last()?;
+    let recommended = recommendation(earlier, after, rows)?;
     let (advised_s, from) = (recommended.advised_s?, lateness_from(recommended)?);
     let parameter = subject.3;
     let less = |set_s: f64| Estimate { value: from.value - set_s, ..from };
     let before_s = (!is_automatic(parameter, before.set_s)).then(|| less(before.set_s));
     let predicted_s = less(if is_automatic(parameter, after.set_s) { advised_s } else { after.set_s });
     let measures = |row: &&Brief| row.datum == recommended.datum && has_lateness(row);
-    let measuring: Vec<&Brief> = after.latest.iter().copied().filter(measures).collect();
+    let mut measuring: Vec<&Brief> = after.latest.iter().copied().filter(measures).collect();
+    let later = measuring.split_off(until_change(&measuring));
     let measured = mean_lateness(&measuring).filter(|_| !is_automatic(parameter, after.set_s));
     let measured_s = measured.map(|mean| residual(&mean, after.set_s));
-    let (verdict, why) = match is_automatic(parameter, after.set_s) {
+    let is_other = (advised_s - after.set_s).abs() > SAME_S;
+    let (mut verdict, mut why) = match is_automatic(parameter, after.set_s) {
         true => (ProofVerdict::CannotTell, "0 leaves the delay to the autopilot: the residual is unknown.".to_owned()),
         false => judge(&predicted_s, measured.zip(measured_s), (before.set_s - after.set_s).abs()),
     };
-    let other = match (advised_s - after.set_s).abs() > SAME_S {
-        true => format!(" {} was recommended.", millis(advised_s)),
-        false => String::new(),
-    };
+    if let Some(left) = measured_s.filter(|left| verdict == ProofVerdict::Pass && is_other && !is_zero(left)) {
+        verdict = ProofVerdict::Fail;
+        why = format!("{why} This value leaves {}.", with_u(&left));
+    }
+    let changed = later_words(&measuring, &later, after.set_s);
+    let other = if is_other { format!(" {} was recommended.", millis(advised_s)) } else { String::new() };
     let [was, is] = [before, after].map(|epoch| set_words(parameter, epoch.set_s));
     Some(SettingProof {
         campaign: subject.0.to_owned(),
@@ -129,8 +135,38 @@ fn tested(
         measured_s,
         flights: measuring.iter().map(|row| row.named(page)).collect(),
         verdict,
-        words: format!("Set from {was} to {is}.{other} {why}"),
+        words: format!("Set from {was} to {is}.{other} {why}{changed}"),
     })
+}
+
+/// Number of flights up to the first step of their lateness: those after it do not show what the setting did.
+fn until_change(rows: &[&Brief]) -> usize {
+    let (x, u) = latenesses(rows);
+    change_points(&x, &u, Looks::One).changes.first().copied().unwrap_or(rows.len())
+}
+
+/// What the flights after a step of the lateness show.
+fn later_words(measuring: &[&Brief], later: &[&Brief], set_s: f64) -> String {
+    let [first, ..] = later else { return String::new() };
+    let Some(mean) = mean_lateness(later) else { return String::new() };
+    format!(
+        " The lateness changed after {}: {} from {} on {} not judged, and {} left.",
+        if measuring.len() == 1 { "1 flight".to_owned() } else { format!("{} flights", measuring.len()) },
+        if later.len() == 1 { "1 flight".to_owned() } else { format!("{} flights", later.len()) },
+        first.flight,
+        if later.len() == 1 { "is" } else { "are" },
+        with_u(&residual(&mean, set_s))
+    )
+}
+
+/// Whether nothing is left within the uncertainty and the step of the parameter.
+fn is_zero(left: &Estimate) -> bool {
+    left.value.abs() <= STEP_S + AGREE_SIGMAS * left.standard_uncertainty.unwrap_or(0.0)
+}
+
+/// The latenesses of flights and their standard uncertainties.
+fn latenesses(rows: &[&Brief]) -> (Vec<f64>, Vec<f64>) {
+    rows.iter().filter_map(|row| row.lateness_s.zip(row.lateness_u_s)).unzip()
 }
 
 /// Whether a flight has a lateness with an uncertainty.
@@ -233,9 +269,8 @@ fn lateness_from(row: &Brief) -> Option<Estimate> {
 
 /// Mean lateness of some flights.
 fn mean_lateness(rows: &[&Brief]) -> Option<SharedMean> {
-    let of = |of: &dyn Fn(&Brief) -> Option<f64>| rows.iter().filter_map(|row| of(row)).collect::<Vec<f64>>();
-    let model: Vec<Option<f64>> = rows.iter().map(|row| row.lateness_model_u_s).collect();
-    SharedMean::of(&of(&|row| row.lateness_s), &of(&|row| row.lateness_u_s), &model)
+    let (x, u) = latenesses(rows);
+    SharedMean::of(&x, &u, &rows.iter().map(|row| row.lateness_model_u_s).collect::<Vec<_>>())
 }
 
 /// The lateness that the autopilot does not account for.
@@ -424,8 +459,31 @@ mod tests {
         let mut rows = before();
         rows.extend((6..=9).map(|day| row(20, day, 100.0, 118.0)));
         let all = proofs(&briefs(&rows), &|_, _| None);
-        assert_eq!(all.iter().map(|p| p.verdict).collect::<Vec<_>>(), [ProofVerdict::Pass, ProofVerdict::NotSet]);
+        assert_eq!(all.iter().map(|p| p.verdict).collect::<Vec<_>>(), [ProofVerdict::Fail, ProofVerdict::NotSet]);
         assert!((all[0].predicted_s.value - 0.0183).abs() < 1e-9);
         assert!(all[0].words.contains("118 ms was recommended."), "{}", all[0].words);
+        assert!(all[0].words.ends_with("they agree. This value leaves 18.0 ± 2.0 ms."), "{}", all[0].words);
+    }
+
+    #[test]
+    fn a_later_change_of_the_lateness_is_not_averaged_into_the_effect() {
+        let mut rows = before();
+        rows.extend((6..=11).map(|day| row(20, day, 118.0, 117.5 + (day % 2) as f64)));
+        rows.extend((12..=15).map(|day| row(20, day, 118.0, 217.5 + (day % 2) as f64)));
+        let proof = only(&rows);
+        assert_eq!((proof.verdict, proof.flights.len()), (ProofVerdict::Pass, 6), "{}", proof.words);
+        assert!(proof.measured_s.unwrap().value.abs() < 0.001);
+        let later = "The lateness changed after 6 flights: 4 flights from 012.bin on are not judged, and 100.0 ± ";
+        assert!(proof.words.contains(later), "{}", proof.words);
+    }
+
+    #[test]
+    fn a_setting_that_is_reverted_is_judged_by_the_recommendation_for_older_flights() {
+        let mut rows = before();
+        rows.extend((6..=9).map(|day| Row { advised_s: None, ..row(20, day, 118.0, 118.0) }));
+        rows.extend((10..=13).map(|day| row(30, day, 220.0, 118.0)));
+        let all = proofs(&briefs(&rows), &|_, _| None);
+        assert_eq!(all.iter().map(|p| p.verdict).collect::<Vec<_>>(), [ProofVerdict::Fail, ProofVerdict::NotSet]);
+        assert!(all[0].words.starts_with("Set from 118 ms to 220 ms. 118 ms was recommended."), "{}", all[0].words);
     }
 }
