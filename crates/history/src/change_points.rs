@@ -150,7 +150,7 @@ pub(crate) struct SharedMean {
 }
 
 /// The part of an uncertainty that other flights do not share.
-fn own_part(u: f64, common: f64) -> f64 {
+pub(crate) fn own_part(u: f64, common: f64) -> f64 {
     (u.powi(2) - common.powi(2)).max(LEAST_OWN_S.powi(2)).sqrt()
 }
 

@@ -1,6 +1,7 @@
 //! Compares two sets of rows: what is new, what moved, what fails now, and why.
 
 use crate::brief::PageOf;
+use crate::change_points::own_part;
 use crate::dataset::Latest;
 use crate::row::Row;
 use flight::{Alarm, Code, Gravity};
@@ -219,10 +220,12 @@ fn moved(was: &Row, row: &Row, named: &NamedFlight, causes: &[ChangeCause]) -> V
         ),
         ("removed delay", "s", (was.removed_s, None), (row.removed_s, None)),
     ];
+    let shared_model_u = was.lateness_model_u_s.zip(row.lateness_model_u_s).map_or(0.0, |(was, is)| was.min(is));
     let wanted = numbers.into_iter().filter(|(quantity, ..)| is_lateness || *quantity != "lateness");
     let one = |(quantity, unit, was, is): (&str, &str, _, _)| {
         let (before, now) = (estimate(was)?, estimate(is)?);
-        let sigmas = sigmas(&before, &now);
+        let shared = if quantity == "lateness" { shared_model_u } else { 0.0 };
+        let sigmas = sigmas(&before, &now, shared);
         let has_moved = match sigmas {
             Some(sigmas) => sigmas.abs() > MOVED_SIGMAS,
             None => (now.value - before.value).abs() > MOVED_SHARE * before.value.abs().max(now.value.abs()),
@@ -263,9 +266,15 @@ fn estimate((value, u): (Option<f64>, Option<f64>)) -> Option<Estimate> {
     Some(Estimate { value: value?, standard_uncertainty: u })
 }
 
-/// Now minus before, divided by the root of the sum of both squared standard uncertainties.
-fn sigmas(before: &Estimate, now: &Estimate) -> Option<f64> {
-    let u = before.standard_uncertainty?.hypot(now.standard_uncertainty?);
+/// Now minus before, divided by the root of the sum of both squared standard uncertainties. A model error that both
+/// contain is not in their difference.
+fn sigmas(before: &Estimate, now: &Estimate, shared_u: f64) -> Option<f64> {
+    let own = |estimate: &Estimate| Some(own_part(estimate.standard_uncertainty?, shared_u));
+    let u = if shared_u > 0.0 {
+        own(before)?.hypot(own(now)?)
+    } else {
+        before.standard_uncertainty?.hypot(now.standard_uncertainty?)
+    };
     (u > 0.0).then(|| (now.value - before.value) / u)
 }
 
@@ -294,6 +303,20 @@ mod tests {
 
     fn changes(before: &[Row], now: &[Row]) -> RunChanges {
         compare(&latest_of(before.iter().cloned()), now, &Texts::new(), &|_, _| None)
+    }
+
+    #[test]
+    fn a_model_error_that_both_contain_hides_no_change() {
+        let with_model = |late_s| Row {
+            lateness_s: Some(late_s),
+            lateness_u_s: Some(0.0155),
+            lateness_model_u_s: Some(0.015),
+            ..row("a")
+        };
+        let own_u: f64 = 2.0_f64.sqrt() * (0.0155_f64.powi(2) - 0.015_f64.powi(2)).sqrt();
+        let [one] = changes(&[with_model(0.2)], &[with_model(0.22)]).moved.try_into().unwrap();
+        assert!((one.sigmas.unwrap() - 0.02 / own_u).abs() < 1e-9);
+        assert_eq!(changes(&[with_model(0.2)], &[with_model(0.21)]).moved, vec![]);
     }
 
     #[test]

@@ -76,7 +76,8 @@ pub struct MovedNumber {
     pub before: Estimate,
     /// Value now.
     pub now: Estimate,
-    /// Difference divided by the root sum of squares of both standard uncertainties, with the sign of now − before.
+    /// Difference divided by the root sum of squares of both standard uncertainties, with the sign of now − before. A
+    /// model error that both contain is left out.
     /// `None` where one of them is unknown: the value then changed by more than a tenth.
     pub sigmas: Option<f64>,
     /// All causes.
