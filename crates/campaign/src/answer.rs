@@ -9,7 +9,10 @@ use crate::lever;
 use crate::no_position::no_position;
 use crate::rate::rate_of;
 use crate::reference::{OF_REFERENCE_FILE, settled};
-use compensation_replay::{AutopilotParameter, MeasuredAgainst, ParameterFit, Refusal, autopilot_advice, pick_pair};
+use compensation_replay::{
+    AutopilotParameter, EKF2_DELAY_MAX_DEFAULT_MS, MeasuredAgainst, ParameterFit, Refusal, autopilot_advice,
+    is_gps_delay, pick_pair,
+};
 use delay_from_flight::{FlightDelaySettings, measure_delays};
 use delay_network::{Lineage, NetworkSettings, PairObservation, ReferenceUse, difference, lineage_from_name, solve};
 use flight::{Alarm, Binding, Code, ConfiguredDelay, Delay, Flight, LogHealth, Notices};
@@ -454,12 +457,11 @@ fn other_receiver(words: &str) -> Option<DelayAlarm> {
 /// An alarm if the position is on time or early, and a parameter for the first receiver states a delay that the interval
 /// excludes by more than [`ON_TIME_S`].
 fn parameter_differs(out: &FlightLateness, health: &LogHealth) -> Option<DelayAlarm> {
-    const OF_FIRST: [&str; 3] = ["EKF2_GPS_DELAY", "GPS_DELAY_MS", "GPS1_DELAY_MS"];
     let is_known = |c: &&ChannelLateness| c.relative_to.is_none() && !c.weak && c.channel == "position.gps";
     let own = out.lateness.as_ref().filter(is_known).filter(|_| !out.kind.varies())?;
     let is_late = Side::of_estimate(&own.lateness_s) == Side::Late;
     let [_, most_s] = own.interval_95_s;
-    let states_more = |c: &&ConfiguredDelay| OF_FIRST.contains(&c.parameter.as_str()) && c.value_s > most_s + ON_TIME_S;
+    let states_more = |c: &&ConfiguredDelay| is_gps_delay(&c.parameter) && c.value_s > most_s + ON_TIME_S;
     let stated = health.about.configured_delays.iter().find(states_more).filter(|_| !is_late)?;
     let text = format!(
         "{} is {:.0} ms in this log, and {} is {} ms late",
@@ -681,8 +683,11 @@ fn advice_in(why: &str) -> Option<&str> {
 
 /// Start of a note about the range of a parameter.
 const TAKES: &str = "it takes ";
-/// Start of a note about the value in the log.
-const IN_LOG: &str = "it is ";
+/// Start of the firmware that a parameter belongs to.
+const PX4: &str = "PX4";
+const ARDUPILOT: &str = "ArduPilot";
+/// Parameter of PX4 that limits the others, and its usual value, ms.
+const PX4_LONGEST: (&str, f64) = ("EKF2_DELAY_MAX", EKF2_DELAY_MAX_DEFAULT_MS as f64);
 
 /// Settings of the autopilot that wrote the log which remove this delay.
 fn advice(
@@ -702,6 +707,7 @@ fn advice(
         name: "position_s".into(),
         value,
         unit: "s".into(),
+        in_log: None,
         note: String::new(),
         unsuitable: false,
     });
@@ -710,21 +716,23 @@ fn advice(
     let is_px4 = system.contains("px4");
     let is_ardupilot = system.contains("ardu") || system.contains("apm") || health.format.contains("DataFlash");
     let stated = |name: &str| health.about.configured_delays.iter().find(|c| c.parameter == name);
-    let wanted = match (inertial, is_px4, is_ardupilot) {
-        (true, true, _) => "EKF2_GPS_DELAY",
-        (true, _, true) if stated("GPS_DELAY_MS").is_some() => "GPS_DELAY_MS",
-        (true, _, true) => "GPS1_DELAY_MS",
+    let stated_ms = |name: &str| stated(name).map(|c| 1e3 * c.value_s);
+    let firmware = match (inertial, is_px4, is_ardupilot) {
+        (true, true, _) => PX4,
+        (true, _, true) => ARDUPILOT,
         _ => return DelayAdvice { set, fly: None },
     };
     let delay = Delay::from_seconds(lateness_s.value).unwrap_or(Delay::ZERO);
     let all = autopilot_advice(delay, lateness_s.standard_uncertainty, MeasuredAgainst::Inertial);
-    if let Some(p) = all.parameters.iter().find(|p| p.name == wanted) {
-        let now = stated(wanted).map(|c| match c.value_s {
-            // In ArduPilot, 0 means the default delay of the receiver's driver.
-            0.0 if is_ardupilot => format!("{IN_LOG}0 in this log, which means automatic"),
-            value_s => format!("{IN_LOG}{:.0} ms in this log", 1e3 * value_s),
-        });
-        let mut setting = parameter_setting(p, now);
+    let of_firmware: Vec<&AutopilotParameter> =
+        all.parameters.iter().filter(|p| p.firmware.starts_with(firmware)).collect();
+    // The name differs between versions: the log has that of its own.
+    let named = of_firmware.iter().find(|p| stated_ms(p.name).is_some()).or(of_firmware.first());
+    if let Some(p) = named {
+        let mut setting = parameter_setting(p, stated_ms(p.name), stated_ms(PX4_LONGEST.0));
+        if setting.in_log.is_none() && setting.note.is_empty() && firmware == ARDUPILOT {
+            setting.note = "before ArduPilot 4.6, GPS_DELAY_MS".to_owned();
+        }
         if let Some((velocity, late_s)) = other_velocity.filter(|_| !setting.unsuitable) {
             setting.note = format!("it also shifts {velocity}, which is {} ms late", in_ms(&late_s));
             setting.unsuitable = true;
@@ -743,20 +751,44 @@ fn other_velocity(network: &DelayNetwork, position: &str) -> Option<(String, Est
     is_apart.then(|| Some((velocity.clone(), network.channel(&velocity)?.lateness_s)))?
 }
 
-/// The setting of an autopilot parameter; `now` states its value in the log.
-fn parameter_setting(p: &AutopilotParameter, now: Option<String>) -> DelaySetting {
+/// The setting of an autopilot parameter that has a value in the log, and perhaps a limit, ms.
+fn parameter_setting(p: &AutopilotParameter, in_log: Option<f64>, longest_ms: Option<f64>) -> DelaySetting {
     let note = match p.fit {
-        ParameterFit::OutOfRange => Some(format!("{TAKES}{} to {} ms", p.range_ms[0], p.range_ms[1])),
-        ParameterFit::RoundsToAutomatic => Some("0 means automatic".to_owned()),
-        ParameterFit::Fits | ParameterFit::AtTheEdge => now,
+        ParameterFit::OutOfRange => format!("{TAKES}{} to {} ms", p.range_ms[0], p.range_ms[1]),
+        ParameterFit::RoundsToAutomatic => "0 means automatic".to_owned(),
+        ParameterFit::Fits | ParameterFit::AtTheEdge => {
+            let words = [in_log.map(|ms| in_log_words(p, ms)), limit_words(p, longest_ms)];
+            words.into_iter().flatten().collect::<Vec<String>>().join("; ")
+        }
     };
     DelaySetting {
         name: p.name.to_owned(),
         value: p.value_ms as f64,
         unit: "ms".into(),
-        note: note.unwrap_or_default(),
+        in_log,
+        note,
         unsuitable: p.fit == ParameterFit::OutOfRange,
     }
+}
+
+/// The value of a parameter in the log. In ArduPilot, 0 means the default delay of the receiver's driver.
+fn in_log_words(p: &AutopilotParameter, ms: f64) -> String {
+    let is_within = p.interval_ms.is_some_and(|[least, most]| (least as f64..=most as f64).contains(&ms));
+    match ms {
+        0.0 if p.firmware.starts_with(ARDUPILOT) => "it is 0 in this log, which means automatic".to_owned(),
+        _ if is_within => format!("it is {ms:.0} ms in this log, which agrees"),
+        _ => format!("it is {ms:.0} ms in this log"),
+    }
+}
+
+/// The limit of PX4 that is below the value.
+fn limit_words(p: &AutopilotParameter, longest_ms: Option<f64>) -> Option<String> {
+    let (limit, usual_ms) = PX4_LONGEST;
+    let is_beyond = p.firmware.starts_with(PX4) && p.value_ms as f64 > longest_ms.unwrap_or(usual_ms);
+    is_beyond.then(|| match longest_ms {
+        Some(ms) => format!("raise {limit} too: it is {ms:.0} ms in this log"),
+        None => format!("raise {limit} too if it is {usual_ms:.0} ms"),
+    })
 }
 
 /// The settings for some flights with a common delay. States the values in their logs if these are equal. A setting that
@@ -767,12 +799,11 @@ pub(crate) fn advice_for(lateness_s: &Estimate, flights: &[&FlightLateness]) -> 
     let known = autopilot_advice(delay, lateness_s.standard_uncertainty, MeasuredAgainst::Inertial);
     let with = |s: &DelaySetting| match known.parameters.iter().find(|p| p.name == s.name) {
         Some(p) => {
-            let all = flights.iter().flat_map(|l| &l.advice.set);
-            let mut notes = all.filter(|own| own.name == s.name && !own.unsuitable).map(|own| own.note.as_str());
-            let first = notes.next().filter(|note| note.starts_with(IN_LOG) && notes.all(|other| other == *note));
-            let setting = parameter_setting(p, first.map(str::to_owned));
-            let own = flights.iter().flat_map(|l| &l.advice.set).find(|own| own.name == s.name && own.unsuitable);
-            match own.filter(|own| !setting.unsuitable && !own.note.starts_with(TAKES)) {
+            let own = || flights.iter().flat_map(|l| &l.advice.set).filter(|own| own.name == s.name);
+            let mut stated = own().filter(|own| !own.unsuitable).map(|own| own.in_log);
+            let in_log = stated.next().flatten().filter(|first| stated.all(|other| other == Some(*first)));
+            let setting = parameter_setting(p, in_log, None);
+            match own().find(|own| own.unsuitable && !setting.unsuitable && !own.note.starts_with(TAKES)) {
                 Some(own) => DelaySetting { note: own.note.clone(), unsuitable: true, ..setting },
                 None => setting,
             }

@@ -99,6 +99,8 @@ pub struct LineSetting {
     pub value: f64,
     /// `s` or `ms`.
     pub unit: String,
+    /// Its value in the log, or in all logs of a group.
+    pub in_log: Option<f64>,
     /// Caveats.
     pub note: String,
     /// Whether the setting cannot remove the delay; `note` says why.
@@ -235,8 +237,8 @@ fn alarm(alarm: &DelayAlarm) -> LineAlarm {
 
 impl LineSetting {
     pub(crate) fn of(setting: record::DelaySetting) -> LineSetting {
-        let record::DelaySetting { name, value, unit, note, unsuitable } = setting;
-        LineSetting { name, value, unit, note, unsuitable }
+        let record::DelaySetting { name, value, unit, in_log, note, unsuitable } = setting;
+        LineSetting { name, value, unit, in_log, note, unsuitable }
     }
 }
 

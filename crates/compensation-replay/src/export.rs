@@ -5,7 +5,10 @@ mod c_async;
 mod c_float;
 mod c_source;
 
-pub use autopilot::{AutopilotAdvice, AutopilotParameter, MeasuredAgainst, ParameterFit, autopilot_advice};
+pub use autopilot::{
+    AutopilotAdvice, AutopilotParameter, EKF2_DELAY_MAX_DEFAULT_MS, MeasuredAgainst, ParameterFit, autopilot_advice,
+    is_gps_delay,
+};
 pub use c_float::CFloat;
 pub use c_source::{CExport, CSource, ExportError};
 

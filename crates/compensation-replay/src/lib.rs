@@ -40,8 +40,8 @@ pub use effect::{KnownLateness, MotionRms, effect, error_words};
 pub use ekf_values::{EkfChannelFacts, ekf_values, ekf_values_toml};
 pub use exact::ExactAsync;
 pub use export::{
-    AutopilotAdvice, AutopilotParameter, CExport, CFloat, CSource, ExportError, MeasuredAgainst, ParameterFit,
-    autopilot_advice, export_c,
+    AutopilotAdvice, AutopilotParameter, CExport, CFloat, CSource, EKF2_DELAY_MAX_DEFAULT_MS, ExportError,
+    MeasuredAgainst, ParameterFit, autopilot_advice, export_c, is_gps_delay,
 };
 pub use input::{Picked, Refusal, pick_pair, some_of};
 pub use lever_arm::{AntennaArm, LeverMotion, LeverSensitivity, VelocityPoint, antenna_arm, lever_sensitivity};

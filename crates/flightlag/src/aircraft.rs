@@ -129,7 +129,8 @@ fn parameters(groups: &[GroupLine]) -> Result<String, Failure> {
             let why = format!("{} cannot remove the delay: {}", set.name, set.note);
             return Err(Failure::new(Exit::Failed, format!("no parameters were written: {}: {why}", group.group)));
         }
-        lines.push((group, line(known.name, known.value_ms), known));
+        let caution = if set.note.is_empty() { String::new() } else { format!("# {}\n", set.note) };
+        lines.push((group, format!("{caution}{}", line(known.name, known.value_ms)), known));
     }
     match &lines[..] {
         [] if groups.iter().any(|group| delay_of(group).is_some()) => Err(no_autopilot(groups)),
@@ -177,10 +178,12 @@ fn nothing(what: &str, groups: &[GroupLine]) -> Failure {
     let named = groups.iter().filter(|g| !g.group.is_empty());
     let why: Vec<String> = named.map(|g| format!("{}: {}", g.group, g.words)).collect();
     let why = if why.is_empty() { "no flight was measured".to_owned() } else { why.join("; ") };
-    Failure::new(
-        Exit::Failed,
-        format!("{what}: the lateness of the position against the IMU or a reference is unknown. {why}"),
-    )
+    let is_known = |g: &GroupLine| g.lateness_s.is_some() && !g.datum.starts_with("relative");
+    let reason = match groups.iter().any(is_known) {
+        true => "the position is early, not late beyond its uncertainty, or late by more than one number",
+        false => "the lateness of the position against the IMU or a reference is unknown",
+    };
+    Failure::new(Exit::Failed, format!("{what}: {reason}. {why}"))
 }
 
 #[cfg(test)]
@@ -205,6 +208,7 @@ mod tests {
                 name: parameter.into(),
                 value: 1e3 * lateness_s,
                 unit: "ms".into(),
+                in_log: None,
                 note: String::new(),
                 unsuitable: false,
             }],
@@ -226,6 +230,9 @@ mod tests {
         assert_eq!(ardupilot, "# u-blox: GPS1_DELAY_MS = 201 ms, 193 to 209 ms (k = 2)\nGPS1_DELAY_MS,201\n");
         let px4 = parameters(&[group("F9P", 0.11, "imu", "EKF2_GPS_DELAY")]).unwrap();
         assert!(px4.ends_with("\n1\t1\tEKF2_GPS_DELAY\t110.000000000000000000\t9\n"), "{px4}");
+        let mut long = group("F9P", 0.23, "imu", "EKF2_GPS_DELAY");
+        long.set[0].note = "raise EKF2_DELAY_MAX too".into();
+        assert!(parameters(&[long]).unwrap().contains("\n# raise EKF2_DELAY_MAX too\n1\t1\tEKF2_GPS_DELAY\t230."));
     }
 
     #[test]
@@ -240,6 +247,7 @@ mod tests {
             // Relative to a reference no autopilot parameter is known.
             (vec![group_in_seconds("a", 0.25, "reference")], "the delay is known only relative to a reference"),
             (vec![group_in_seconds("a", 0.25, "imu")], "these logs are not from an autopilot (ArduPilot or PX4)"),
+            (vec![GroupLine { set: vec![], ..group("a", 0.002, "imu", "x") }], "not late beyond its uncertainty"),
             (vec![], "no flight was measured"),
         ] {
             let refused = parameters(&groups).unwrap_err();

@@ -419,6 +419,7 @@ mod tests {
             name: "GPS_DELAY_MS".to_owned(),
             value: 203.0,
             unit: "ms".to_owned(),
+            in_log: None,
             note: "most is 250".to_owned(),
             unsuitable,
         };
@@ -533,6 +534,7 @@ mod tests {
             name: "EKF2_GPS_DELAY".to_owned(),
             value: 110.0,
             unit: "ms".to_owned(),
+            in_log: None,
             note: String::new(),
             unsuitable: false,
         }];

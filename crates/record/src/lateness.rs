@@ -198,6 +198,9 @@ pub struct DelaySetting {
     pub value: f64,
     /// Unit: `s` or `ms`.
     pub unit: String,
+    /// Its value in the log, or in all logs of a group, in the same unit; `None` if unknown or different.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub in_log: Option<f64>,
     /// Caution; empty if not needed.
     pub note: String,
     /// Whether the setting cannot remove the delay; `note` says why.

@@ -291,6 +291,7 @@ fn a_split_group_gives_no_setting_for_its_mean() {
             name: "position_s".into(),
             value: value_s,
             unit: "s".into(),
+            in_log: None,
             note: String::new(),
             unsuitable: false,
         }];
@@ -366,29 +367,62 @@ fn a_lateness_of_which_only_bounds_are_known_is_no_setting() {
 
 #[test]
 fn advice_states_the_values_in_the_logs_and_what_cannot_be_set() {
-    let flight = |ms: f64, note: &str| {
-        let setting = |name: &str, value: f64, unit: &str, note: &str| DelaySetting {
+    let flight = |ms: f64, in_log: Option<f64>| {
+        let setting = |name: &str, value: f64, unit: &str, in_log: Option<f64>| DelaySetting {
             name: name.into(),
             value,
             unit: unit.into(),
-            note: note.into(),
+            in_log,
+            note: String::new(),
             unsuitable: false,
         };
-        let set = vec![setting("position_s", ms / 1e3, "s", ""), setting("GPS_DELAY_MS", ms, "ms", note)];
+        let set = vec![setting("position_s", ms / 1e3, "s", None), setting("GPS_DELAY_MS", ms, "ms", in_log)];
         FlightLateness { advice: DelayAdvice { set, fly: None }, ..unknown("k") }
     };
     let of_parameter = |lateness_s: f64, flights: &[FlightLateness]| {
         let lateness_s = Estimate { value: lateness_s, standard_uncertainty: Some(0.008) };
         crate::answer::advice_for(&lateness_s, &flights.iter().collect::<Vec<_>>()).set.remove(1)
     };
-    let same = [flight(203.0, "it is 50 ms in this log"), flight(205.0, "it is 50 ms in this log")];
+    let same = [flight(203.0, Some(50.0)), flight(205.0, Some(50.0))];
     let set = of_parameter(0.204, &same);
     assert_eq!((set.value, set.note.as_str(), set.unsuitable), (204.0, "it is 50 ms in this log", false));
     // Logs with different values give no common statement, and a value beyond the range cannot be set.
-    let other = [flight(203.0, "it is 50 ms in this log"), flight(205.0, "it is 201 ms in this log")];
+    let other = [flight(203.0, Some(50.0)), flight(205.0, Some(201.0))];
     assert_eq!(of_parameter(0.204, &other).note, "");
+    let right = [flight(203.0, Some(200.0)), flight(205.0, Some(200.0))];
+    assert_eq!(of_parameter(0.204, &right).note, "it is 200 ms in this log, which agrees");
     let beyond = of_parameter(0.261, &same);
     assert_eq!((beyond.value, beyond.note.as_str(), beyond.unsuitable), (261.0, "it takes 0 to 250 ms", true));
+}
+
+/// PX4 renamed the parameter twice and limits it by another; ArduPilot renamed its own once.
+#[test]
+fn a_parameter_has_the_name_that_the_log_has() {
+    let parameter = |system: &str, value_s: f64, stated: &[(&str, f64)]| {
+        let configured = |&(parameter, ms): &(&str, f64)| ConfiguredDelay {
+            parameter: parameter.into(),
+            value_s: 1e-3 * ms,
+            meaning: String::new(),
+        };
+        let mut health = LogHealth::default();
+        health.about.system = Some(system.into());
+        health.about.configured_delays = stated.iter().map(configured).collect();
+        let out = FlightLateness { datum: NetworkDatum::Imu, ..late(value_s, None) };
+        let set = advice(&out.lateness_s().unwrap(), &out, None, &health).set.remove(1);
+        (set.name, set.note)
+    };
+    let is = |name: &str, note: &str| (name.to_owned(), note.to_owned());
+    assert_eq!(parameter("PX4", 0.11, &[]), is("EKF2_GPS_DELAY", ""));
+    let renamed = parameter("PX4", 0.11, &[("SENS_GNSS0_DELAY", 105.0)]);
+    assert_eq!(renamed, is("SENS_GNSS0_DELAY", "it is 105 ms in this log, which agrees"));
+    let long = [("EKF2_GPS_DELAY", 110.0), ("EKF2_DELAY_MAX", 200.0)];
+    let both = "it is 110 ms in this log; raise EKF2_DELAY_MAX too: it is 200 ms in this log";
+    assert_eq!(parameter("PX4", 0.23, &long), is("EKF2_GPS_DELAY", both));
+    assert_eq!(parameter("PX4", 0.23, &[]), is("EKF2_GPS_DELAY", "raise EKF2_DELAY_MAX too if it is 200 ms"));
+    let unnamed = is("GPS1_DELAY_MS", "before ArduPilot 4.6, GPS_DELAY_MS");
+    assert_eq!(parameter("ArduCopter V4.5", 0.11, &[]), unnamed);
+    let older = parameter("ArduCopter V4.5", 0.11, &[("GPS_DELAY_MS", 0.0)]);
+    assert_eq!(older, is("GPS_DELAY_MS", "it is 0 in this log, which means automatic"));
 }
 
 /// A parameter of the autopilot shifts position and velocity. If it is no setting for one flight, it is none for all.
@@ -396,7 +430,7 @@ fn advice_states_the_values_in_the_logs_and_what_cannot_be_set() {
 fn a_parameter_that_would_shift_an_on_time_velocity_is_no_setting() {
     let flight = |note: &str, unsuitable: bool| {
         let (name, unit) = ("GPS_DELAY_MS".into(), "ms".into());
-        let set = vec![DelaySetting { name, value: 201.0, unit, note: note.into(), unsuitable }];
+        let set = vec![DelaySetting { name, value: 201.0, unit, in_log: Some(0.0), note: note.into(), unsuitable }];
         FlightLateness { advice: DelayAdvice { set, fly: None }, ..unknown("k") }
     };
     let note = "it also shifts velocity.gps, which is −5 ± 16 ms late";

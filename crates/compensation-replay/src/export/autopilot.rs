@@ -65,7 +65,13 @@ const KNOWN: [(&str, &str, [i64; 2], bool); 5] = [
 ];
 
 /// Above this EKF2 needs a longer buffer, ms.
-const EKF2_DELAY_MAX_DEFAULT_MS: i64 = 200;
+pub const EKF2_DELAY_MAX_DEFAULT_MS: i64 = 200;
+
+/// Whether a parameter is the delay of an autopilot's first receiver.
+#[must_use]
+pub fn is_gps_delay(parameter: &str) -> bool {
+    KNOWN.iter().any(|(_, name, ..)| *name == parameter)
+}
 
 /// Parameters for a delay with its standard uncertainty (s, k = 1).
 ///

@@ -258,6 +258,7 @@ fn group_lateness(k: usize, rows: &[(usize, &FlightRow)]) -> GroupLateness {
                 name: "position_s".into(),
                 value: mean.value,
                 unit: "s".into(),
+                in_log: None,
                 note: String::new(),
                 unsuitable: false,
             }],

@@ -258,6 +258,8 @@ const DELAYS: &[(&str, f64, &str)] = &[
     ("EKF2_DELAY_MAX", 1e3, "longest delay that the estimator allows for"),
     ("SENS_GPS0_DELAY", 1e3, "delay of GPS 0 against the IMU"),
     ("SENS_GPS1_DELAY", 1e3, "delay of GPS 1 against the IMU"),
+    ("SENS_GNSS0_DELAY", 1e3, "delay of GPS 0 against the IMU"),
+    ("SENS_GNSS1_DELAY", 1e3, "delay of GPS 1 against the IMU"),
     ("PE_POS_DELAY_MS", 1e3, "delay of the GPS position against the IMU"),
     ("PE_VEL_DELAY_MS", 1e3, "delay of the GPS velocity against the IMU"),
     ("PE_HGT_DELAY_MS", 1e3, "delay of the barometric height against the IMU"),
