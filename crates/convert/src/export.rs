@@ -3,10 +3,13 @@
 mod channel_sheet;
 mod folder;
 mod provenance;
+mod tables_map;
 
 use self::folder::Folder;
 pub(crate) use self::provenance::about_tie;
 use self::provenance::{Head, Provenance, Sheets};
+pub use self::tables_map::TABLES_MAP;
+use self::tables_map::TablesMap;
 use crate::error::ConvertError;
 use crate::guard::{Unchanged, may_write};
 use crate::message_type::MessageType;
@@ -21,7 +24,7 @@ use ingest::{
 };
 use serde_json::{Value, json};
 use std::collections::{BTreeMap, BTreeSet, HashMap};
-use std::io;
+use std::io::{self, Write};
 use std::path::Path;
 
 /// Name of the metadata in an MCAP and in Parquet.
@@ -123,6 +126,8 @@ struct Read {
 /// Writes channels or topics. Tables come with a `provenance.json` with the log's hashes, the map, units, clocks and
 /// all notices. An MCAP holds the same as metadata `flightlag-export`, a Parquet file its part under that key. The
 /// log's own clock stays unchanged. Where its UTC is known, tables add it as `utc_ns`, and an MCAP uses it as log time.
+///
+/// Channels as CSV come with a map that reads the tables again, [`TABLES_MAP`].
 ///
 /// The files of an export appear together and replace those of an earlier export. Other files in the folder stay.
 ///
@@ -338,16 +343,21 @@ fn write_folder(
     let mut folder = Folder::begin(order.out, places, &order.unit.files)?;
     let head = Head::of(order, read, unchanged, context)?;
     let mut sheets = Sheets::default();
+    let mut map = TablesMap::new(&order.unit.id);
     for (source, place) in read.sources.by_ref().zip(places) {
         context.advance(0).map_err(IngestError::from)?;
         if order.to == ExportTo::Csv {
             note_zero_bytes(&source, &mut read.notices);
         }
         let about = sheets.add(&source, place, order.to);
+        map.add(&source, place);
         folder.write(place, context, |file| match order.to {
             ExportTo::Csv => write_csv(&source.sheet, file),
             _ => write_parquet_about(&source.sheet, &[(METADATA.to_owned(), head.of_sheet(&about))], file),
         })?;
+    }
+    if order.to == ExportTo::Csv && order.what == ExportWhat::Channels {
+        folder.write(TABLES_MAP, context, |file| file.write_all(map.finish().as_bytes()))?;
     }
     folder.keep(&Provenance::of(&head, read, &sheets), context)?;
     Ok(sheets.exported)

@@ -22,7 +22,7 @@ mod track;
 mod typed_topics;
 
 pub use error::ConvertError;
-pub use export::{ExportOrder, ExportTo, ExportWhat, Exported, ExportedSheet, export};
+pub use export::{ExportOrder, ExportTo, ExportWhat, Exported, ExportedSheet, TABLES_MAP, export};
 pub use recover::{How, Recovered, RecoveredExtra, RecoveredTopic, recover};
 pub use sheet::{
     Cells, ROWS_OF_A_GROUP, ReadTable, Sheet, SheetColumn, TextCells, read_parquet, read_parquet_columns, write_csv,

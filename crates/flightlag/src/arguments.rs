@@ -57,7 +57,8 @@ nanoseconds (`..._ns`); `t_s` is seconds since the first timestamp. If the clock
 the table also has `utc_ns`, and the log time of an MCAP is UTC. provenance.json in the same folder holds the hash of the log, the \
 map, units as written and as logged, clocks and how they are tied to UTC, and notices. An MCAP holds the same as metadata \
 `flightlag-export`; a Parquet file holds its own part. Topics are written unconverted; variable-length arrays are skipped and listed. The log itself is never overwritten. In CSV, text that a \
-spreadsheet might evaluate is prefixed with an apostrophe; numbers are unchanged.";
+spreadsheet might evaluate is prefixed with an apostrophe; numbers are unchanged. Channels as CSV come with channel-map.toml: with \
+`--maps FOLDER`, the folder is one flight again.";
 
 const CAMPAIGN: &str = "\
 Make a report of a folder of flight logs: tables, records, pages.

@@ -9,7 +9,9 @@ use crate::recover::{Output, check_output};
 use crate::show::{Table, count, visible};
 use crate::stop::Stop;
 use campaign::Exit;
-use convert::{ExportOrder, ExportTo, ExportWhat, Exported, TrackOrder, TrackTo, export, export_track, layouts_of};
+use convert::{
+    ExportOrder, ExportTo, ExportWhat, Exported, TABLES_MAP, TrackOrder, TrackTo, export, export_track, layouts_of,
+};
 use ingest::{Limits, ReadContext};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -171,7 +173,10 @@ fn page(out: &Path, exported: &Exported) -> String {
         exported.health.bytes.damaged,
         exported.health.bytes.size,
     );
-    let parts = [head, table.text(), damage(&exported.health), notices(&exported.notices)];
+    let folder = visible(&out.display().to_string());
+    let again = format!("{TABLES_MAP} reads these tables again: flightlag delay {folder} --maps {folder}\n");
+    let again = if out.join(TABLES_MAP).is_file() { again } else { String::new() };
+    let parts = [head, table.text(), again, damage(&exported.health), notices(&exported.notices)];
     let parts: Vec<String> = parts.into_iter().filter(|p| !p.is_empty()).collect();
     parts.join("\n")
 }

@@ -54,6 +54,30 @@ fn csv_holds_the_same_rows_with_positions_in_degrees() {
     assert!(rows.iter().zip(&degrees).all(|(a, b)| (a - b).abs() < 1e-13), "{rows:?}");
 }
 
+/// Positions are written in degrees, so they return to within a rounding error.
+#[test]
+fn exported_csv_is_read_again_with_its_own_map() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = mcap(folder.path());
+    let out = folder.path().join("tables");
+    exported(&log, ExportWhat::Channels, ExportTo::Csv, &out);
+    let library = ingest::MapLibrary::shipped().unwrap().with_folder(&out).unwrap();
+    let units = ingest::discover(&out, &library).unwrap().units;
+    assert_eq!(units.len(), 1, "{units:?}");
+    let again = in_context(|context| ingest::load(&units[0], &library, None, context)).unwrap();
+    assert_eq!(again.binding.unwrap().map, "exported");
+    let channels = read(&log).flight.channels;
+    assert_eq!(again.flight.channels.keys().collect::<Vec<_>>(), channels.keys().collect::<Vec<_>>());
+    for (name, channel) in &channels {
+        let found = &again.flight.channels[name];
+        assert_eq!(found.series.timeline(), channel.series.timeline(), "{name}");
+        assert_eq!((&found.present, &found.other_stamps), (&channel.present, &channel.other_stamps), "{name}");
+        for (found, logged) in found.series.components().iter().zip(channel.series.components()) {
+            assert!(found.iter().zip(logged).all(|(a, b)| (a - b).abs() <= 1e-15 * b.abs()), "{name}");
+        }
+    }
+}
+
 #[test]
 fn the_provenance_names_the_log_the_map_and_every_table() {
     let folder = tempfile::tempdir().unwrap();
