@@ -1,4 +1,4 @@
-//! JSON schemas that the command prints.
+//! JSON schemas that the command prints, and pages of the book whose tables explain words.
 
 /// JSON schema of the `record.json` of a flight.
 pub const RECORD_SCHEMA: &str = include_str!("record.schema.json");
@@ -10,3 +10,7 @@ pub const CAMPAIGN_SCHEMA: &str = include_str!("campaign.schema.json");
 pub const EVENTS_SCHEMA: &str = include_str!("events.schema.json");
 /// JSON schema of `delay --json`.
 pub const DELAY_SCHEMA: &str = include_str!("delay.schema.json");
+
+/// Pages with tables of words and their meanings.
+pub const WORDS: [&str; 3] =
+    [include_str!("src/science/varying.md"), include_str!("src/campaigns.md"), include_str!("src/glossary.md")];

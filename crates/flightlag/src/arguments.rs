@@ -762,7 +762,7 @@ pub(crate) struct CriteriaArguments {
 
 #[derive(Debug, Args)]
 pub(crate) struct ExplainArguments {
-    /// The code, such as `tail-cut`. Default: list all codes.
+    /// The code, such as `tail-cut`, or a word of a table, such as `scatters`. Default: list all codes.
     #[arg(value_name = "CODE")]
     pub(crate) code: Option<String>,
 }

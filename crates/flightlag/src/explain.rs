@@ -1,4 +1,5 @@
-//! `flightlag explain`: what a code of a notice or an alarm means. The texts are from the catalogue.
+//! `flightlag explain`: what a code of a notice or an alarm means, from the catalogue, or a word of a table, from the
+//! book.
 
 use crate::arguments::ExplainArguments;
 use crate::failure::{End, Failure};
@@ -35,10 +36,28 @@ fn explained(wanted: &str) -> Result<String, String> {
     if let Some(code) = Code::of_former(wanted) {
         return Ok(format!("{wanted} is called {code} in this release.\n\n{}", notice(code)));
     }
+    let meanings = meanings(wanted);
+    if !meanings.is_empty() {
+        return Ok(meanings);
+    }
     let names = Code::ALL.iter().map(|code| code.name()).chain(Alarm::ALL.iter().map(|alarm| alarm.name()));
     let near = settings::nearest_few(wanted, names, 5).join(", ");
     let near = if near.is_empty() { String::new() } else { format!("; nearest: {near}") };
-    Err(format!("no notice or alarm has the code {}{near}. `flightlag explain` lists all codes", visible(wanted)))
+    Err(format!(
+        "no notice, alarm or table has the word {}{near}. `flightlag explain` lists all codes",
+        visible(wanted)
+    ))
+}
+
+/// The meanings of a word such as `scatters` or `HARMED`, from the tables of the book, one on each line.
+fn meanings(wanted: &str) -> String {
+    let plain = |word: &str| word.trim_matches(['`', '+', ' ']).to_lowercase().replace(' ', "-");
+    let rows = docs::WORDS.iter().flat_map(|page| page.lines()).filter_map(|line| {
+        let (words, meaning) = line.strip_prefix("| ")?.strip_suffix(" |")?.split_once(" | ")?;
+        let is_wanted = words.split(", ").any(|word| plain(word) == plain(wanted));
+        (is_wanted && meaning != "meaning").then(|| format!("{words}: {meaning}\n").replace('`', ""))
+    });
+    rows.collect()
 }
 
 fn notice(code: Code) -> String {
@@ -102,6 +121,17 @@ mod tests {
             explained("rig-contradicted").unwrap().starts_with("rig-contradicted: warning (exit code: see below)\n")
         );
         assert!(explained("delay-steps").unwrap().starts_with("delay-steps: red alarm\nAlarms of a delay\n\n"));
+    }
+
+    #[test]
+    fn words_of_the_tables_are_explained() {
+        let kinds = ["cannot-tell", "not-tested", "scatters", "on-time", "constant", "early", "steps", "switches"];
+        let others = ["drifts", "queues", "builds-up", "wanders", "jitters", "late-fixes", "bursts"];
+        let effects = ["HELPED", "harmed", "no change", "cannot tell", "lateness", "datum", "group"];
+        for word in kinds.iter().chain(&others).chain(&effects) {
+            assert!(explained(word).is_ok_and(|text| text.len() > 20), "{word}");
+        }
+        assert_eq!(explained("HARMED").unwrap(), "HARMED: farther from the truth; red everywhere; exit code 4\n");
     }
 
     #[test]
