@@ -6,7 +6,7 @@ use crate::kinematics::rotation;
 use crate::rig_file::{
     AnalysisTable, BarTable, CardTable, ClockTable, EncoderTable, MountTable, RigFile, SiteTable, StatedField,
 };
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Matrix3;
 use record::{RigUse, SensorIdentity};
 #[cfg(feature = "schema")]
 use schemars::JsonSchema;
@@ -156,12 +156,6 @@ impl Mount {
     #[must_use]
     pub fn body_from_sensor(&self) -> Matrix3<f64> {
         rotation(self.rotation_rad) * axes_matrix(self.axes)
-    }
-
-    /// A reading in body axes.
-    #[must_use]
-    pub fn to_body(&self, sensor: [f64; 3]) -> [f64; 3] {
-        (self.body_from_sensor() * Vector3::from(sensor)).into()
     }
 }
 

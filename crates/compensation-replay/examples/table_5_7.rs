@@ -95,13 +95,12 @@ fn main() {
             let options =
                 CompensatorOptions { kalman: Some(kalman), ..CompensatorOptions::new(0.4, 1.0 / velocity_hz) };
             let fit = fit_kalman(&[flight.samples(0), flight.samples(1)], 0.4, 0.0).unwrap();
-            let fitted = CompensatorOptions { kalman: Some(fit.settings), ..options };
+            let fitted = CompensatorOptions { kalman: Some(fit), ..options };
             if seed == 0 {
-                let KalmanSettings { jerk_density, position_sigma_m, velocity_sigma_mps, .. } = fit.settings;
+                let KalmanSettings { jerk_density, position_sigma_m, velocity_sigma_mps, .. } = fit;
                 println!(
                     "case {case:?}: maximum likelihood q {jerk_density:.1} m²/s⁵, position {position_sigma_m:.4} m, \
-                     velocity {velocity_sigma_mps:.4} m/s ({} runs)",
-                    fit.runs
+                     velocity {velocity_sigma_mps:.4} m/s"
                 );
             }
             for (row, (how, _, _)) in table.iter().enumerate() {

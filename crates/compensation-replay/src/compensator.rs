@@ -21,7 +21,7 @@ pub use exact_fir::ExactFir;
 pub use filtered::{Filtered, VelocityFilter};
 pub use kalman::DelayedKalman;
 pub use kind::{CompensatorError, CompensatorKind, CompensatorOptions};
-pub use likelihood::{KalmanFit, fit_kalman};
+pub use likelihood::fit_kalman;
 pub(crate) use modal::StepGains;
 pub use modal::{Discretisation, ModalFilter};
 pub use offline_shift::OfflineShift;

@@ -33,8 +33,8 @@ mod validity;
 
 pub use compensator::{
     AxisSamples, Compensator, CompensatorError, CompensatorKind, CompensatorOptions, DelayedKalman, Discretisation,
-    ExactFir, FeedError, Filtered, Fraction, KalmanFit, KalmanSettings, ModalFilter, Mode, OfflineShift, PadeForm,
-    PadeRefusal, Replayed, Smoothed, StreamingAsync, VelocityFilter, VelocityView, fit_kalman, replay_axis, rts_smooth,
+    ExactFir, FeedError, Filtered, Fraction, KalmanSettings, ModalFilter, Mode, OfflineShift, PadeForm, PadeRefusal,
+    Replayed, Smoothed, StreamingAsync, VelocityFilter, VelocityView, fit_kalman, replay_axis, rts_smooth,
 };
 pub use effect::{KnownLateness, MotionRms, effect, error_words};
 pub use ekf_values::{EkfChannelFacts, ekf_values, ekf_values_toml};

@@ -67,7 +67,7 @@ pub(crate) fn prepare(
 ) -> Prepared {
     let roles = roles(pairs, lineage);
     let role = |name: &str| roles.get(name).copied().unwrap_or(Role::Measured);
-    let (mut usable, mut unused) = (Vec::new(), Vec::new());
+    let (mut usable, mut unused) = (vec![], vec![]);
     for pair in pairs {
         let (first, second) = (pair.first.clone(), second_name(pair));
         let against_reference = role(&first) == Role::Reference || role(&second) == Role::Reference;
@@ -84,11 +84,8 @@ pub(crate) fn prepare(
             }
         }
     }
-    if !settings.every_attitude {
-        let (kept, others) = one_per_velocity(usable, &role);
-        usable = kept;
-        unused.extend(others);
-    }
+    let (mut usable, others) = one_per_velocity(usable, &role);
+    unused.extend(others);
     usable.sort_by(|a, b| {
         (a.kind, &a.first, &a.second)
             .cmp(&(b.kind, &b.first, &b.second))

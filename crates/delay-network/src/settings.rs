@@ -87,8 +87,6 @@ pub struct NetworkSettings {
     pub weak_above_s: f64,
     /// How references are used. By default they only judge.
     pub reference: ReferenceUse,
-    /// Whether every attitude source is used. Default: the best one per velocity, because one IMU is one witness.
-    pub every_attitude: bool,
     /// Velocity that compensation uses: it is the zero of a part without a datum.
     pub compensation_velocity: Option<String>,
 }
@@ -107,7 +105,6 @@ impl Default for NetworkSettings {
             filter_lead_s: 0.030,
             weak_above_s: 0.020,
             reference: ReferenceUse::Judges,
-            every_attitude: false,
             compensation_velocity: None,
         }
     }

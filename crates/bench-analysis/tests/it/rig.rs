@@ -97,7 +97,7 @@ fn the_first_mount_that_names_a_channel_is_used() {
     let imu = rig.mount_of("specific-force.imu");
     assert_eq!(imu.lever_arm_m, [0.0, 0.0, -1.28]);
     // Axes first: body from sensor (1, 2, 3) is (−2, 1, 3); then a quarter about z: (−1, −2, 3).
-    let turned = imu.to_body([1.0, 2.0, 3.0]);
+    let turned = imu.body_from_sensor() * nalgebra::Vector3::new(1.0, 2.0, 3.0);
     for (found, expected) in turned.iter().zip([-1.0, -2.0, 3.0]) {
         assert!((found - expected).abs() < 1e-12, "{turned:?}");
     }

@@ -4,17 +4,6 @@ use crate::compensator::AxisSamples;
 use crate::compensator::rts::{Event, events, first_belief};
 use crate::compensator::white_jerk::KalmanSettings;
 
-/// Settings that maximise the likelihood of the record.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct KalmanFit {
-    /// The settings, common to all axes.
-    pub settings: KalmanSettings,
-    /// Minus the logarithm of the likelihood, without the constant.
-    pub minus_log_likelihood: f64,
-    /// Number of filter runs, each over all axes.
-    pub runs: usize,
-}
-
 /// Innovations that are skipped while the filter settles.
 const SETTLING: usize = 10;
 
@@ -34,7 +23,7 @@ const START: [f64; 3] = [1.0, -0.5, -1.0];
 /// The model has white noise only: a wandering position looks like more agile motion. `None` if no axis has more than
 /// 10 samples after its first position.
 #[must_use]
-pub fn fit_kalman(axes: &[AxisSamples<'_>], delay_s: f64, velocity_delay_s: f64) -> Option<KalmanFit> {
+pub fn fit_kalman(axes: &[AxisSamples<'_>], delay_s: f64, velocity_delay_s: f64) -> Option<KalmanSettings> {
     let settings = |x: [f64; 3]| KalmanSettings {
         jerk_density: 10f64.powf(x[0]),
         position_sigma_m: 10f64.powf(x[1]),
@@ -46,7 +35,7 @@ pub fn fit_kalman(axes: &[AxisSamples<'_>], delay_s: f64, velocity_delay_s: f64)
         let terms: Vec<f64> = all.iter().filter_map(|events| surprise(events, &settings(x))).collect();
         (!terms.is_empty()).then(|| terms.iter().sum())
     };
-    let (mut at, mut value, mut runs) = (START, cost(START)?, 1);
+    let (mut at, mut value) = (START, cost(START)?);
     let mut step = 1.0;
     while step > 0.008 {
         let mut better = false;
@@ -56,7 +45,6 @@ pub fn fit_kalman(axes: &[AxisSamples<'_>], delay_s: f64, velocity_delay_s: f64)
             if trial == at {
                 continue;
             }
-            runs += 1;
             if let Some(lower) = cost(trial).filter(|c| *c < value) {
                 (at, value, better) = (trial, lower, true);
             }
@@ -65,7 +53,7 @@ pub fn fit_kalman(axes: &[AxisSamples<'_>], delay_s: f64, velocity_delay_s: f64)
             step *= 0.5;
         }
     }
-    Some(KalmanFit { settings: settings(at), minus_log_likelihood: value, runs })
+    Some(settings(at))
 }
 
 /// `½ Σ (ln S + e²/S)` over the innovations.

@@ -67,8 +67,8 @@ fn fit_noise(input: &Input, segments: &[Range<usize>], options: &mut Compensator
     let part = longest.start.max(middle.saturating_sub(half))..longest.end.min(middle + half);
     let axes = AXES.map(|k| samples(input, &part, k, options.delay_s));
     let Some(fit) = fit_kalman(&axes, options.delay_s, 0.0) else { return };
-    let (jerk, p, v) = (fit.settings.jerk_density, fit.settings.position_sigma_m, fit.settings.velocity_sigma_mps);
-    options.kalman = Some(fit.settings);
+    let (jerk, p, v) = (fit.jerk_density, fit.position_sigma_m, fit.velocity_sigma_mps);
+    options.kalman = Some(fit);
     let text = format!(
         "velocity samples that the noise for the Kalman filter and the smoother is fitted to: jerk density {jerk:.3e} m²/s⁵, position {p:.3e} m, velocity {v:.3e} m/s"
     );

@@ -486,9 +486,9 @@ fn maximum_likelihood_recovers_the_simulated_noise() {
     let fit = fit_kalman(&[flight.samples(0), flight.samples(1)], 0.4, 0.0).unwrap();
     // 2 × 264 positions and 2 × 660 velocities: standard errors of 1/√(2n) = 3.1 % and 1.9 %, wider for what motion and
     // noise share.
-    close(fit.settings.position_sigma_m, 0.3, 0.04, "position");
-    close(fit.settings.velocity_sigma_mps, 0.1, 0.02, "velocity");
-    assert!((3.0..300.0).contains(&fit.settings.jerk_density), "{}", fit.settings.jerk_density);
+    close(fit.position_sigma_m, 0.3, 0.04, "position");
+    close(fit.velocity_sigma_mps, 0.1, 0.02, "velocity");
+    assert!((3.0..300.0).contains(&fit.jerk_density), "{}", fit.jerk_density);
     assert!(fit_kalman(&[], 0.4, 0.0).is_none());
 }
 
