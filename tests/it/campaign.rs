@@ -511,6 +511,7 @@ fn a_signal_ends_with_its_code_and_the_next_run_cleans_up_and_resumes() {
 }
 
 /// `flightlag` as an unprivileged user; `None` where that cannot be tried.
+#[cfg(unix)]
 fn as_nobody(campaign: &Campaign) -> Option<Command> {
     use std::os::unix::fs::PermissionsExt;
     fs::set_permissions(campaign.folder.path(), fs::Permissions::from_mode(0o755)).unwrap();
@@ -524,6 +525,7 @@ fn as_nobody(campaign: &Campaign) -> Option<Command> {
     is_possible.then_some(command)
 }
 
+#[cfg(unix)]
 #[test]
 #[cfg(target_os = "linux")]
 fn permission_errors_are_reported_before_any_work_and_on_their_row() {

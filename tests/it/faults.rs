@@ -124,6 +124,7 @@ fn a_disk_failing_at_any_read_is_an_error_naming_the_file_not_damage() {
     failing_logs(1);
 }
 
+#[cfg(unix)]
 #[test]
 fn special_files_are_refused_by_every_command_without_blocking() {
     let folder = tempfile::tempdir().unwrap();
@@ -206,6 +207,7 @@ fn odd_tree(root: &Path, log: &[u8]) -> usize {
     names.len()
 }
 
+#[cfg(unix)]
 #[test]
 fn each_log_of_an_unusual_tree_is_one_flight_with_its_own_page() {
     let folder = flights(1);

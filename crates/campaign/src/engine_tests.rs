@@ -488,6 +488,7 @@ fn trouble_is_retried_and_a_lasting_failure_is_not() {
     assert!(reason.contains("the disk does not answer"), "{reason}");
 }
 
+#[cfg(unix)]
 #[test]
 fn an_unreadable_log_is_a_row_with_its_reason() {
     let bench = Bench::five();

@@ -8,8 +8,7 @@
 
 use std::error::Error;
 use std::fs::File;
-use std::io::Read;
-use std::os::unix::fs::FileExt;
+use std::io::{Read, Seek, SeekFrom};
 
 /// Chunks, and bytes in them.
 type Sum = (u64, u64);
@@ -19,7 +18,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let only_read = std::env::args().nth(2).is_some();
     let mut file = File::open(&path)?;
     let mut magic = [0_u8; 13];
-    file.read_exact_at(&mut magic, 0)?;
+    read_at(&file, &mut magic, 0)?;
+    file.rewind()?;
     let (chunks, bytes) = match &magic {
         _ if only_read => read(&mut file)?,
         m if m.starts_with(b"\x89MCAP0") => mcap(&file)?,
@@ -28,6 +28,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     println!("{chunks} chunks, {bytes} bytes");
     Ok(())
+}
+
+fn read_at(mut file: &File, buffer: &mut [u8], offset: u64) -> std::io::Result<()> {
+    file.seek(SeekFrom::Start(offset))?;
+    file.read_exact(buffer)
 }
 
 fn read(file: &mut File) -> Result<Sum, Box<dyn Error>> {
@@ -48,11 +53,11 @@ fn mcap(file: &File) -> Result<Sum, Box<dyn Error>> {
     let (mut chunks, mut bytes) = (0, 0);
     while offset + 9 <= end {
         let mut head = [0_u8; 9];
-        file.read_exact_at(&mut head, offset)?;
+        read_at(file, &mut head, offset)?;
         let length = u64::from_le_bytes(head[1..9].try_into()?);
         if head[0] == 0x06 {
             packed.resize(length as usize, 0);
-            file.read_exact_at(&mut packed, offset + 9)?;
+            read_at(file, &mut packed, offset + 9)?;
             let size = u64::from_le_bytes(packed[16..24].try_into()?) as usize;
             let crc = u32::from_le_bytes(packed[24..28].try_into()?);
             let name = u32::from_le_bytes(packed[28..32].try_into()?) as usize;
@@ -115,16 +120,16 @@ fn bag(file: &File) -> Result<Sum, Box<dyn Error>> {
     let (mut chunks, mut bytes) = (0, 0);
     while offset + 8 <= end {
         let mut length = [0_u8; 4];
-        file.read_exact_at(&mut length, offset)?;
+        read_at(file, &mut length, offset)?;
         let mut header = vec![0; u32::from_le_bytes(length) as usize];
-        file.read_exact_at(&mut header, offset + 4)?;
+        read_at(file, &mut header, offset + 4)?;
         let data = offset + 4 + header.len() as u64;
-        file.read_exact_at(&mut length, data)?;
+        read_at(file, &mut length, data)?;
         let size = u32::from_le_bytes(length) as usize;
         let says = |field: &[u8]| header.windows(field.len()).any(|w| w == field);
         if says(b"op=\x05") {
             packed.resize(size, 0);
-            file.read_exact_at(&mut packed, data + 4)?;
+            read_at(file, &mut packed, data + 4)?;
             plain.clear();
             if says(b"compression=lz4") {
                 let field = header.windows(5).position(|w| w == b"size=").ok_or("a chunk without a size")?;

@@ -149,6 +149,7 @@ fn counts_for_the_exit_code_come_from_the_checked_record() {
     assert!(fs::read_to_string(&path).unwrap().contains("\"failed\": 1"));
 }
 
+#[cfg(unix)]
 #[test]
 fn the_track_is_stored_once_and_the_page_links_to_it() {
     use std::os::unix::fs::MetadataExt;

@@ -6,7 +6,7 @@ use ingest::{
 use peak_alloc::PeakAlloc;
 use simulate::{Container, Seed};
 use std::fs::File;
-use std::os::unix::fs::FileExt;
+use std::io::{Seek, Write};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -106,7 +106,9 @@ impl Lab {
         want: &dyn Select,
     ) -> Result<Log, LogError> {
         subject.file.set_len(0).unwrap();
-        subject.file.write_all_at(bytes, 0).unwrap();
+        let mut file = &subject.file;
+        file.rewind().unwrap();
+        file.write_all(bytes).unwrap();
         subject.file.set_len(size).unwrap();
         let cancel = AtomicBool::new(false);
         let context = ReadContext { limits: self.limits, cancel: &cancel, on_bytes: &|_| () };

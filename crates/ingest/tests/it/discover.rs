@@ -2,6 +2,7 @@
 
 use ingest::{Discovery, LogKind, MapLibrary, discover};
 use std::fs;
+#[cfg(unix)]
 use std::os::unix::fs::symlink;
 use std::path::Path;
 
@@ -148,6 +149,7 @@ fn track_and_sensor_of_a_flysight_2_are_one_flight() {
     assert_eq!(ids(&found(folder.path())), [("09/01", LogKind::Csv, 3), ("09/02/TRACK.CSV", LogKind::Csv, 1)]);
 }
 
+#[cfg(unix)]
 #[test]
 fn circular_links_end_and_no_log_counts_twice() {
     let folder = tree(&[("a/log.csv", FLYSIGHT), ("b/other.csv", FLYSIGHT)]);
@@ -166,6 +168,7 @@ fn circular_links_end_and_no_log_counts_twice() {
     assert!(reason(&found, "broken.csv").contains("cannot be read"));
 }
 
+#[cfg(unix)]
 #[test]
 fn unreadable_files_are_not_listed_as_not_logs() {
     let folder = tree(&[("log.csv", FLYSIGHT), ("notes.md", b"hello")]);
@@ -179,6 +182,7 @@ fn unreadable_files_are_not_listed_as_not_logs() {
     );
 }
 
+#[cfg(unix)]
 #[test]
 fn only_regular_files_are_opened() {
     let folder = tree(&[("log.csv", FLYSIGHT)]);
@@ -201,6 +205,7 @@ fn a_single_file_is_a_root_too() {
     assert!(discover(&folder.path().join("gone"), &MapLibrary::shipped().unwrap()).is_err());
 }
 
+#[cfg(unix)]
 #[test]
 fn odd_file_names_are_accepted() {
     use std::ffi::OsStr;

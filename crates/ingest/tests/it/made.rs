@@ -6,7 +6,7 @@ use ingest::{ColumnData, Limits, Log, LogError, LogKind, ReadContext, Select, Se
 use mcap::Compression;
 use mcap::records::MessageHeader;
 use std::collections::BTreeMap;
-use std::io::{Cursor, Write};
+use std::io::{Cursor, Seek, Write};
 use std::path::PathBuf;
 
 /// The wanted topic, and the unwanted one.
@@ -306,6 +306,12 @@ pub struct OnDisk {
     pub is_bag: bool,
 }
 
+/// Overwrites a part of a file.
+pub fn write_at(mut file: &std::fs::File, bytes: &[u8], offset: u64) {
+    file.seek(std::io::SeekFrom::Start(offset)).unwrap();
+    file.write_all(bytes).unwrap();
+}
+
 impl OnDisk {
     pub fn new(content: &[u8], is_bag: bool) -> OnDisk {
         let folder = tempfile::tempdir().unwrap();
@@ -319,7 +325,7 @@ impl OnDisk {
     }
 
     pub fn write_at(&self, offset: u64, bytes: &[u8]) {
-        std::os::unix::fs::FileExt::write_all_at(&self.file, bytes, offset).unwrap();
+        write_at(&self.file, bytes, offset);
     }
 
     pub fn set_len(&self, length: u64) {

@@ -4,7 +4,6 @@ use crate::support::*;
 use ingest::{Column, Limits, Log, LogError, LogKind, Selection, Table, TopicInfo};
 use simulate::{Container, FlightSettings, SensorSettings, SimulatedFlight};
 use std::collections::BTreeMap;
-use std::os::unix::fs::FileExt;
 use std::path::Path;
 
 pub fn read(kind: LogKind, path: &Path) -> Result<Log, LogError> {
@@ -135,11 +134,11 @@ pub fn each_flip(
     let (_folder, path) = file("log", bytes);
     let handle = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
     for (place, bit) in flips {
-        handle.write_all_at(&[bytes[place] ^ 1 << bit], place as u64).unwrap();
+        crate::made::write_at(&handle, &[bytes[place] ^ 1 << bit], place as u64);
         let log = read(kind, &path).unwrap();
         assert_balanced(&log, bytes.len());
         check(&log, place, bit);
-        handle.write_all_at(&[bytes[place]], place as u64).unwrap();
+        crate::made::write_at(&handle, &[bytes[place]], place as u64);
     }
 }
 

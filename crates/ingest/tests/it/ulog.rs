@@ -11,7 +11,6 @@ use simulate::{
     BenchChannel, BenchSensor, BenchSettings, Container, FlightSettings, LogFile, Pulses, SensorSettings, simulate,
     simulate_bench,
 };
-use std::os::unix::fs::FileExt;
 use std::path::Path;
 
 /// Builds a ULog.
@@ -414,9 +413,9 @@ fn a_flipped_bit_changes_only_its_own_row_and_no_row_is_lost_silently() {
     let on_disk = std::fs::File::options().write(true).open(&path).unwrap();
     for bit in 0..8 * bytes.len() {
         let (at, byte) = (bit / 8, bytes[bit / 8]);
-        on_disk.write_all_at(&[byte ^ 1 << (bit % 8)], at as u64).unwrap();
+        crate::made::write_at(&on_disk, &[byte ^ 1 << (bit % 8)], at as u64);
         let result = read_path(&path, Limits::default());
-        on_disk.write_all_at(&[byte], at as u64).unwrap();
+        crate::made::write_at(&on_disk, &[byte], at as u64);
         let log = match result {
             Ok(log) => log,
             Err(LogError::Unusable { .. } | LogError::NotALog { .. }) if bit / 8 < first_row => continue,
