@@ -348,15 +348,19 @@ const LEAST_CHANGE_S: f64 = 0.05;
 
 /// A change of the velocity's delay against the IMU, in words, and its size, s: position and velocity of a receiver may
 /// change together, which their difference does not show.
-fn change_against_imu(velocity: &str, delays: &FlightDelays) -> Option<(String, f64)> {
+pub(crate) fn change_against_imu(velocity: &str, delays: &FlightDelays) -> Option<(String, Estimate)> {
     let is_used = |p: &&PairDelay| {
         p.kind == DelayPairKind::VelocityAgainstAcceleration && p.first == velocity && p.not_for_network.is_none()
     };
     let pair = delays.pairs.iter().filter(is_used).find(|p| p.delay.found().is_some())?;
     let found = pair.delay.found()?;
     let step = found.homogeneity?.largest_step;
-    let change_s = (step.after_s.value - step.before_s.value).abs();
-    let alarm = found.alarm.as_ref().filter(|_| change_s > LEAST_CHANGE_S)?;
+    let u = |of: &Estimate| of.standard_uncertainty;
+    let change_s = Estimate {
+        value: (step.after_s.value - step.before_s.value).abs(),
+        standard_uncertainty: u(&step.after_s).zip(u(&step.before_s)).map(|(after, before)| after.hypot(before)),
+    };
+    let alarm = found.alarm.as_ref().filter(|_| change_s.value > LEAST_CHANGE_S)?;
     Some((format!("{velocity} against {}: {alarm}. The position may change with it", pair.second), change_s))
 }
 
@@ -413,10 +417,15 @@ fn answered(
     let change = change_against_imu(&velocity, delays).filter(|_| !out.kind.varies());
     if let Some((_, change_s)) = &change {
         out.kind = DelayKind::Scatters;
-        out.lateness.iter_mut().for_each(|channel| widen(channel, change_s / 12_f64.sqrt()));
+        out.lateness.iter_mut().for_each(|channel| widen(channel, change_s.value / 12_f64.sqrt()));
     }
     out.also = also(over_time);
     out.alarms = alarms::of(&out, network, measured, over_time);
+    if change.is_some() {
+        // What is said of a lasting change holds for the difference only.
+        let of_pair = out.alarms.iter_mut().filter(|alarm| alarm.code == Alarm::DelayRemark);
+        of_pair.for_each(|alarm| alarm.text.insert_str(0, "Position against velocity: "));
+    }
     out.alarms.extend(unused_imu(&out, delays));
     out.alarms.extend(remarks_on_imu(&velocity, delays));
     out.alarms.extend(change.as_ref().map(|(text, _)| DelayAlarm::of(Alarm::DelayDoubtful, text.clone())));

@@ -118,7 +118,7 @@ const EXIT_CODES_OF_A_NIGHT: &str = "\
 Exit codes, the gravest of all campaigns:
   0    all well
   3    finished, but some flights failed, lost data or have a delay that changes, or a trend has a new change
-  4    finished, but a flight fails a criterion or was harmed, or a setting did not do what was predicted
+  4    finished, but a flight fails a criterion or was harmed, or a setting did not remove the delay as predicted
   75   a campaign could not run now: run again
   1    a campaign failed, or an output cannot be written
   2    wrong command, nightly file, or file named in it

@@ -117,10 +117,11 @@ fn tested(
     };
     if let Some(left) = measured_s.filter(|left| verdict == ProofVerdict::Pass && is_other && !is_zero(left)) {
         verdict = ProofVerdict::Fail;
-        why = format!("{why} This value leaves {}.", with_u(&left));
+        why = format!("{why} But {} was recommended, and this value leaves {}.", millis(advised_s), with_u(&left));
     }
-    let changed = later_words(&measuring, &later, after.set_s);
-    let other = if is_other { format!(" {} was recommended.", millis(advised_s)) } else { String::new() };
+    let changed = later_words(measuring.len(), &later, after.set_s);
+    let is_said = why.contains("was recommended");
+    let other = if is_other && !is_said { format!(" {} was recommended.", millis(advised_s)) } else { String::new() };
     let [was, is] = [before, after].map(|epoch| set_words(parameter, epoch.set_s));
     Some(SettingProof {
         campaign: subject.0.to_owned(),
@@ -145,18 +146,25 @@ fn until_change(rows: &[&Brief]) -> usize {
     change_points(&x, &u, Looks::One).changes.first().copied().unwrap_or(rows.len())
 }
 
-/// What the flights after a step of the lateness show.
-fn later_words(measuring: &[&Brief], later: &[&Brief], set_s: f64) -> String {
-    let [first, ..] = later else { return String::new() };
-    let Some(mean) = mean_lateness(later) else { return String::new() };
+/// What the flights from a step of the lateness on show; if they have steps themselves, the newest of them.
+fn later_words(judged: usize, later: &[&Brief], set_s: f64) -> String {
+    let Some(first) = later.first() else { return String::new() };
+    let (x, u) = latenesses(later);
+    let newest = &later[change_points(&x, &u, Looks::One).changes.last().copied().unwrap_or(0)..];
+    let Some(mean) = mean_lateness(newest) else { return String::new() };
     format!(
-        " The lateness changed after {}: {} from {} on {} not judged, and {} left.",
-        if measuring.len() == 1 { "1 flight".to_owned() } else { format!("{} flights", measuring.len()) },
-        if later.len() == 1 { "1 flight".to_owned() } else { format!("{} flights", later.len()) },
+        " The lateness changed after {}: {} from {} on {} not judged, and {} left in {}.",
+        flights(judged),
+        flights(later.len()),
         first.flight,
         if later.len() == 1 { "is" } else { "are" },
-        with_u(&residual(&mean, set_s))
+        with_u(&residual(&mean, set_s)),
+        if newest.len() == later.len() { "them".to_owned() } else { format!("the newest {}", newest.len()) }
     )
+}
+
+fn flights(n: usize) -> String {
+    if n == 1 { "1 flight".to_owned() } else { format!("{n} flights") }
 }
 
 /// Whether nothing is left within the uncertainty and the step of the parameter.
@@ -461,8 +469,8 @@ mod tests {
         let all = proofs(&briefs(&rows), &|_, _| None);
         assert_eq!(all.iter().map(|p| p.verdict).collect::<Vec<_>>(), [ProofVerdict::Fail, ProofVerdict::NotSet]);
         assert!((all[0].predicted_s.value - 0.0183).abs() < 1e-9);
-        assert!(all[0].words.contains("118 ms was recommended."), "{}", all[0].words);
-        assert!(all[0].words.ends_with("they agree. This value leaves 18.0 ± 2.0 ms."), "{}", all[0].words);
+        let end = "they agree. But 118 ms was recommended, and this value leaves 18.0 ± 2.0 ms.";
+        assert!(all[0].words.ends_with(end), "{}", all[0].words);
     }
 
     #[test]
@@ -474,7 +482,12 @@ mod tests {
         assert_eq!((proof.verdict, proof.flights.len()), (ProofVerdict::Pass, 6), "{}", proof.words);
         assert!(proof.measured_s.unwrap().value.abs() < 0.001);
         let later = "The lateness changed after 6 flights: 4 flights from 012.bin on are not judged, and 100.0 ± ";
-        assert!(proof.words.contains(later), "{}", proof.words);
+        assert!(proof.words.contains(later) && proof.words.ends_with("left in them."), "{}", proof.words);
+        // Two populations have no common residual: the newest one counts.
+        rows.extend((16..=19).map(|day| row(20, day, 118.0, 117.5 + (day % 2) as f64)));
+        let back = only(&rows);
+        assert!(back.words.contains("8 flights from 012.bin on are not judged"), "{}", back.words);
+        assert!(back.words.ends_with(" left in the newest 4."), "{}", back.words);
     }
 
     #[test]
@@ -484,6 +497,6 @@ mod tests {
         rows.extend((10..=13).map(|day| row(30, day, 220.0, 118.0)));
         let all = proofs(&briefs(&rows), &|_, _| None);
         assert_eq!(all.iter().map(|p| p.verdict).collect::<Vec<_>>(), [ProofVerdict::Fail, ProofVerdict::NotSet]);
-        assert!(all[0].words.starts_with("Set from 118 ms to 220 ms. 118 ms was recommended."), "{}", all[0].words);
+        assert!(all[0].words.starts_with("Set from 118 ms to 220 ms. Predicted residual"), "{}", all[0].words);
     }
 }

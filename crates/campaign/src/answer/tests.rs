@@ -506,7 +506,8 @@ fn a_change_against_the_imu_is_in_the_uncertainty_and_gives_no_single_delay() {
     };
     let (text, change_s) = change(0.3, "velocity.gps").unwrap();
     assert!(text.starts_with("velocity.gps against attitude.ins + specific-force.imu: the delay changes."), "{text}");
-    assert!((change_s - 0.2).abs() < 1e-12);
+    assert!((change_s.value - 0.2).abs() < 1e-12);
+    assert!((change_s.standard_uncertainty.unwrap() - 0.02 * 2.0_f64.sqrt()).abs() < 1e-12);
     assert_eq!(change(0.13, "velocity.gps"), None, "30 ms are left to the uncertainty");
     assert_eq!(change(0.3, "velocity.ekf"), None, "not the velocity that is used");
     let mut channel = late(0.2, None).lateness.unwrap();

@@ -2,6 +2,7 @@
 
 use super::judge::Reading;
 use super::metric::Metric;
+use crate::answer::change_against_imu;
 use crate::rate::rate_of;
 use flight::{Alarm, ChannelHealth, LogHealth, Severity};
 use record::{
@@ -298,14 +299,20 @@ impl<'a> Subject<'a> {
     }
 
     /// How much the delay changes: the difference found by the test of constancy if it does, otherwise the largest step
-    /// between two windows. A flight that was not tested has no number.
+    /// between two windows. A velocity that changes against the IMU may take the position with it. A flight that was not
+    /// tested has no number.
     fn delay_change(&self) -> Result<Reading, String> {
         let pair = self.pair(DelayPairKind::PositionAgainstVelocity)?;
         let size = |difference: Estimate| Reading::uncertain(Estimate { value: difference.value.abs(), ..difference });
-        match &pair.varies {
-            Some(over_time) if over_time.kind.varies() => (over_time.constancy.difference_s)
-                .map(size)
-                .ok_or_else(|| "the delay changes, and the record does not say by how much".to_owned()),
+        let over_time = pair.varies.as_ref();
+        if let Some(varies) = over_time.filter(|o| o.kind.varies()) {
+            let unknown = || "the delay changes, and the record does not say by how much".to_owned();
+            return varies.constancy.difference_s.map(size).ok_or_else(unknown);
+        }
+        if let Some((_, change_s)) = self.record.delays.as_ref().and_then(|all| change_against_imu(&pair.second, all)) {
+            return Ok(size(change_s));
+        }
+        match over_time {
             Some(over_time) if !over_time.constancy.tested => Err(format!(
                 "whether the delay changes was not tested: it is known in {} windows of the flight, which are too few",
                 over_time.constancy.windows

@@ -300,6 +300,15 @@ fn a_changing_delay_fails_its_limit_and_an_untested_one_has_no_number() {
     let untested = judged(&text, &with_course("not-tested", false, None));
     assert_eq!(untested.verdict, CriterionVerdict::NotEvaluated);
     assert!(untested.reason.contains("known in 7 windows"), "{}", untested.reason);
+    // Position and velocity that change together, by 60 ms against the IMU.
+    let mut json = record_json();
+    let against_imu = &mut json["delays"]["pairs"][2]["delay"]["found"];
+    against_imu["alarm"] = json!("the delay changes");
+    against_imu["homogeneity"]["largest_step"]["before_s"] = estimate(0.1, 0.003);
+    against_imu["homogeneity"]["largest_step"]["after_s"] = estimate(0.16, 0.004);
+    let together = judged(&text, &serde_json::from_value(json).unwrap());
+    assert_eq!(together.verdict, CriterionVerdict::Fail);
+    assert!((together.value.unwrap().value - 0.06).abs() < 1e-12, "{together:?}");
     let constant = judged(&text, &with_course("constant", true, None));
     assert!((constant.value.unwrap().value - 0.05).abs() < 1e-12, "the largest step between two windows");
 }

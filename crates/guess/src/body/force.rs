@@ -7,8 +7,9 @@ use flight::Unit;
 
 /// What an accelerometer at rest measures, m/s^2.
 const GRAVITY: f64 = 9.806_65;
-/// The range of the median magnitude in flight, g.
-const PLAUSIBLE: std::ops::Range<f64> = 0.7..1.4;
+/// The range of the median magnitude in flight, g: more than half of an aerobatic flight is turns of 2 g. Units differ by
+/// a factor of 3.3 (ft/s^2) or more.
+const PLAUSIBLE: std::ops::Range<f64> = 0.7..2.3;
 /// An attitude farther away is not that of the row, s.
 const HOLE_S: f64 = 1.0;
 /// Agreement of z with gravity that decides.

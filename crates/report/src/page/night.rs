@@ -69,7 +69,9 @@ fn exit(record: &NightRecord) -> Markup {
         }
         0 => ("ok", "✓", "all well"),
         3 => ("unsure", "▲", "finished, look at the list below"),
-        4 => ("bad", "✗", "a criterion failed, a flight was harmed, or a setting did not do what was predicted"),
+        4 => {
+            ("bad", "✗", "a criterion failed, a flight was harmed, or a setting did not remove the delay as predicted")
+        }
         75 => ("unsure", "○", "a part was not possible now: run again"),
         _ => ("bad", "✗", "a campaign failed"),
     };
