@@ -7,9 +7,11 @@ use flight::Unit;
 
 /// What an accelerometer at rest measures, m/s^2.
 const GRAVITY: f64 = 9.806_65;
-/// The range of the median magnitude in flight, g: more than half of an aerobatic flight is turns of 2 g. Units differ by
-/// a factor of 3.3 (ft/s^2) or more.
-const PLAUSIBLE: std::ops::Range<f64> = 0.7..2.3;
+/// The range of the median magnitude in flight, g.
+const PLAUSIBLE: std::ops::Range<f64> = 0.7..1.4;
+/// The same in a stated unit: more than half of an aerobatic flight may be turns of 2 g. Without a stated unit, forces
+/// without gravity would be taken for g.
+const PLAUSIBLE_AS_STATED: std::ops::Range<f64> = 0.7..2.3;
 /// An attitude farther away is not that of the row, s.
 const HOLE_S: f64 = 1.0;
 /// Agreement of z with gravity that decides.
@@ -42,7 +44,7 @@ fn unit_by_gravity(of: &TimedTriple<'_>) -> Result<(Unit, f64), String> {
     let in_g = |unit: Unit| unit.to_si(median) / GRAVITY;
     if let Some(stated) = of.stated()? {
         return match in_g(stated) {
-            g if PLAUSIBLE.contains(&g) => Ok((stated, g)),
+            g if PLAUSIBLE_AS_STATED.contains(&g) => Ok((stated, g)),
             g => Err(format!(
                 "the median of their magnitude is {g:.2} g if they are in {stated} as stated, which is impossible \
                  for an accelerometer in flight"
