@@ -2,7 +2,7 @@
 
 use crate::program::{flightlag, run, text};
 use serde_json::Value;
-use simulate::{Container, FlightSettings, simulate, write_campaign};
+use simulate::{Container, FlightSettings, McapSettings, SensorSettings, simulate, write_campaign};
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
@@ -15,6 +15,7 @@ pub struct Nights {
 impl Nights {
     pub fn new(flights: usize) -> Nights {
         let nights = Nights { folder: tempfile::tempdir().unwrap() };
+        fs::create_dir(nights.path("logs")).unwrap();
         write_campaign(&nights.path("logs"), flights, 60.0, 3).unwrap();
         nights.logs().iter().for_each(|log| written_an_hour_ago(log));
         nights.config("");
@@ -256,4 +257,32 @@ fn two_pipelines_over_the_same_flights_differ_only_by_settings() {
     assert!(wrong.contains("not a campaign report: it has no campaign.json"), "{wrong}");
     let wrong = text(&run(["diff", &old, &new], 2).stderr);
     assert!(wrong.contains("old.toml is a pipeline: add --flights FOLDER and --out DIR"), "{wrong}");
+}
+
+/// Former bug: a new flight 160 ms off was "none new" where the flights of its group already differed.
+#[test]
+fn a_new_flight_unlike_all_earlier_ones_is_reported_in_a_divided_group() {
+    let nights = Nights::new(0);
+    let add = |name: &str, delay_s: f64, seed: u64| {
+        let position = SensorSettings { delay_s, white_std: 0.3, ..SensorSettings::clean(5.0) };
+        let settings = FlightSettings { duration_s: 120.0, seed, position, ..FlightSettings::default() };
+        let log =
+            Container::Mcap(McapSettings::default()).files(&simulate(&settings).unwrap(), name).unwrap().remove(0);
+        let path = nights.path("logs").join(&log.path);
+        fs::write(&path, &log.bytes).unwrap();
+        written_an_hour_ago(&path);
+    };
+    let is_new = |night: &Value| night["groups"][0]["is_new"].as_bool().unwrap();
+    for (k, delay_s) in [0.1, 0.1, 0.24, 0.24].into_iter().enumerate() {
+        add(&format!("flight-{k}"), delay_s, k as u64);
+    }
+    assert!(is_new(&nights.night(3)), "the first night that sees them");
+    add("flight-4", 0.24, 4);
+    assert!(!is_new(&nights.night(0)), "like two of them");
+    add("flight-5", 0.4, 5);
+    let night = nights.night(3);
+    assert!(is_new(&night), "{night}");
+    let words = night["groups"][0]["words"].as_str().unwrap();
+    assert!(words.starts_with("flight-5.mcap (400 ms) is new and differs from every earlier flight; "), "{words}");
+    assert!(!is_new(&nights.night(0)));
 }

@@ -116,11 +116,17 @@ fn text(found: &DiffRecord) -> String {
 }
 
 fn report_line(report: &ComparedReport) -> String {
-    let ComparedReport { folder, flights, flightlag_version, analysis_version, settings, settings_blake3, .. } = report;
-    let hash = settings_blake3.get(..8).unwrap_or(settings_blake3);
+    let short = |hash: &str| hash.get(..8).unwrap_or(hash).to_owned();
+    let criteria = report.criteria_blake3.as_deref().map(|hash| format!(", criteria {}", short(hash)));
     let text = format!(
-        "{folder}: {}, settings \"{settings}\" ({hash}), flightlag {flightlag_version}, analysis {analysis_version}",
-        count(*flights, "flight")
+        "{}: {}, settings \"{}\" ({}){}, flightlag {}, analysis {}",
+        report.folder,
+        count(report.flights, "flight"),
+        report.settings,
+        short(&report.settings_blake3),
+        criteria.unwrap_or_default(),
+        report.flightlag_version,
+        report.analysis_version
     );
     visible(&text)
 }
@@ -201,6 +207,7 @@ fn lists(changes: &RunChanges) -> String {
     };
     let (failing, failing_new) = changes.failing_and_new();
     words("newly failing", &failing)
+        + &words("another verdict of the criteria", &changes.verdicts)
         + &section("another value recommended", &advice, changes.advice.len())
         + &words("no longer failing", &changes.recovered_from())
         + &words("new alarms", &changes.alarms_new)
@@ -286,6 +293,7 @@ mod tests {
                 moved: vec![moved_number("s", "s", Some(3.54)), moved_number("t", "m", None)],
                 failing: vec![failed, words("n", "harmed")],
                 recovered: vec![words("h", "harmed")],
+                verdicts: vec![words("v", "FAIL → PASS, because of criteria")],
                 alarms_new: vec![alarm],
                 alarms_cleared: vec![words("i", "steps")],
                 remarks_new: vec![words("j", "copy")],
@@ -324,6 +332,9 @@ mod tests {
             "newly failing",
             "flight what in words",
             "f failed no position",
+            "another verdict of the criteria",
+            "flight what",
+            "v FAIL → PASS, because of criteria",
             "another value recommended",
             "flight parameter first ms second ms",
             "p GPS_DELAY none 110",

@@ -50,6 +50,7 @@ pub fn compare(before: &Latest, now: &[Row], texts: &Texts, page: PageOf<'_>) ->
         changes.moved.extend(moved(was, row, named, &causes));
         changes.advice.extend(moved_advice(was, row, named));
         came_and_went(&mut changes, was, &flight);
+        changes.verdicts.extend(verdict(was, &flight, &causes));
     }
     let size = |m: &MovedNumber| m.sigmas.map_or(-1.0, f64::abs);
     changes.moved.sort_by(|a, b| size(b).total_cmp(&size(a)));
@@ -155,6 +156,21 @@ fn codes(row: &Row) -> (Vec<String>, Vec<String>) {
 /// Whether a code is one of the catalogue's remarks. A code of an older release counts as an alarm.
 fn is_remark(code: &str) -> bool {
     Alarm::ALL.iter().any(|alarm| alarm.name() == code && alarm.gravity() == Gravity::Grey)
+}
+
+/// Another verdict of the criteria that is neither a new failure nor a recovery: `FAIL → PASS, because of criteria`.
+fn verdict(was: &Row, flight: &Flight<'_>, causes: &[ChangeCause]) -> Option<FlightWords> {
+    let row = flight.row;
+    let failed = |row: &Row| troubles(row).into_iter().filter(|what| is_criterion(what)).collect::<Vec<_>>();
+    let is_new_failure = failed(row).iter().any(|what| !failed(was).contains(what));
+    let has_recovered = !failed(was).is_empty() && troubles(row).is_empty() && was.criteria_hash == row.criteria_hash;
+    if was.criteria.is_none() || was.criteria == row.criteria || is_new_failure || has_recovered {
+        return None;
+    }
+    let name = |verdict: &Option<String>| verdict.clone().unwrap_or_else(|| "no criteria".to_owned());
+    let causes: Vec<&str> = causes.iter().map(|cause| cause.word()).collect();
+    let because = if causes.is_empty() { String::new() } else { format!(", because of {}", causes.join(", ")) };
+    flight.plain(vec![format!("{} → {}{because}", name(&was.criteria), name(&row.criteria))])
 }
 
 /// Everything that makes a flight worth examining.
@@ -485,6 +501,30 @@ mod tests {
         assert_eq!(found.recovered, vec![]);
         let judged = Row { criteria_failed: None, ..was.clone() };
         assert_eq!(changes(&[was], &[judged]).recovered[0].words, ["criterion late failed"]);
+    }
+
+    #[test]
+    fn another_verdict_of_other_criteria_is_listed_with_its_cause() {
+        let with = |verdict: &str, failed: Option<&str>, hash: &str| Row {
+            criteria: Some(verdict.into()),
+            criteria_failed: failed.map(str::to_owned),
+            criteria_hash: Some(hash.into()),
+            ..row("a")
+        };
+        let words = |was: Row, now: Row| {
+            let verdicts = changes(&[was], &[now]).verdicts;
+            verdicts.first().map(|of| of.words.join("; "))
+        };
+        let failed = || with("FAIL", Some("late"), "one");
+        assert_eq!(words(failed(), with("PASS", None, "two")).unwrap(), "FAIL → PASS, because of criteria");
+        let unjudged = Row { criteria_hash: None, ..row("a") };
+        assert_eq!(words(failed(), unjudged.clone()).unwrap(), "FAIL → no criteria, because of criteria");
+        let inconclusive = Row { settings_hash: "t".into(), ..with("INCONCLUSIVE", None, "one") };
+        let text = "PASS → INCONCLUSIVE, because of settings";
+        assert_eq!(words(with("PASS", None, "one"), inconclusive).unwrap(), text);
+        assert_eq!(words(failed(), with("PASS", None, "one")), None, "it is listed as recovered");
+        assert_eq!(words(with("PASS", None, "one"), failed()), None, "it is listed as newly failing");
+        assert_eq!(words(unjudged, failed()), None, "nothing was judged before");
     }
 
     #[test]

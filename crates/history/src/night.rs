@@ -258,21 +258,58 @@ fn unusable_row(input: &IgnoredInput, record: &CampaignRecord, with: &Collecting
 }
 
 /// Groups whose flights do not share one delay, or of which some differ from the others. A split group is reported as a
-/// whole, not by its parts.
+/// whole, not by its parts. A group that was divided before is new again if a new flight is unlike all earlier ones.
 fn divided_groups(name: &str, record: &CampaignRecord, earlier: Option<&CampaignRecord>) -> Vec<NightGroup> {
     let before: Vec<&GroupLateness> = earlier.iter().flat_map(|record| &record.groups).collect();
     let of = |group: &GroupLateness| {
         let same = |other: &&&GroupLateness| other.group.key == group.group.key && other.against == group.against;
         let was_divided = before.iter().filter(same).any(|other| other.is_apart());
         let known: Vec<&String> = before.iter().filter(same).flat_map(|other| &other.outliers).collect();
+        let members: BTreeSet<&String> = before.iter().filter(same).flat_map(|other| &other.members).collect();
         let (is_new, words) = match (group.is_apart(), group.lone_outliers()) {
-            (true, _) => (!was_divided, group.split.clone().unwrap_or_else(|| group.words.clone())),
+            (true, _) => {
+                let words = group.split.clone().unwrap_or_else(|| group.words.clone());
+                match unlike_all_earlier(record, group, &members) {
+                    Some(flight) if was_divided => (true, format!("{flight}; {words}")),
+                    _ => (!was_divided, words),
+                }
+            }
             (false, []) => return None,
-            (false, lone) => (!was_divided && lone.iter().any(|flight| !known.contains(&flight)), group.words.clone()),
+            (false, lone) => {
+                let is_new = |flight: &String| !known.contains(&flight) && !(was_divided && members.contains(flight));
+                (lone.iter().any(is_new), group.words.clone())
+            }
         };
         Some(NightGroup { campaign: name.to_owned(), is_new, group: group.group.name.clone(), words })
     };
     record.groups.iter().filter_map(of).collect()
+}
+
+/// Distance at which a new flight is unlike the earlier ones of a group without a mean, in standard uncertainties.
+const UNLIKE: f64 = 3.0;
+
+/// The new flights of a group that are clearly earlier or later than every earlier flight: a group without a mean has
+/// no outliers.
+fn unlike_all_earlier(record: &CampaignRecord, group: &GroupLateness, earlier: &BTreeSet<&String>) -> Option<String> {
+    let latenesses = |is_earlier: bool| {
+        let rows = record
+            .flights
+            .iter()
+            .filter(move |row| group.members.contains(&row.flight) && earlier.contains(&row.flight) == is_earlier);
+        rows.filter_map(|row| {
+            let lateness = row.lateness.as_ref()?.lateness_s()?;
+            Some((row.flight.as_str(), lateness.value, lateness.standard_uncertainty?))
+        })
+    };
+    let is_unlike = |&(_, value, u): &(&str, f64, f64)| {
+        let apart = |(_, other, other_u): (&str, f64, f64)| (value - other) / u.hypot(other_u);
+        let sides: Vec<f64> = latenesses(true).map(apart).collect();
+        !sides.is_empty() && (sides.iter().all(|z| *z > UNLIKE) || sides.iter().all(|z| *z < -UNLIKE))
+    };
+    let unlike = latenesses(false).filter(is_unlike);
+    let shown: Vec<String> = unlike.map(|(flight, value, _)| format!("{flight} ({:.0} ms)", 1e3 * value)).collect();
+    let verb = if shown.len() == 1 { "is new and differs" } else { "are new and differ" };
+    (!shown.is_empty()).then(|| format!("{} {verb} from every earlier flight", shown.join(", ")))
 }
 
 /// Logs left for the next night.

@@ -89,6 +89,15 @@ pub(crate) fn in_unit(estimate: &Estimate, unit: &str) -> String {
 
 fn failing(changes: &RunChanges) -> String {
     let recovered = format!("no longer failing: {}", changes.recovered.len());
+    let recovered = match changes.verdicts.as_slice() {
+        [] => recovered,
+        [first, ..] => format!(
+            "{recovered}; another verdict of the criteria: {}: {} {}",
+            changes.verdicts.len(),
+            flight_name(&first.flight),
+            first.words.join(", ")
+        ),
+    };
     let recovered = match changes.new_not_measurable.len() {
         0 => recovered,
         n => format!("{recovered}; {n} of the new flights cannot be measured"),
@@ -210,6 +219,7 @@ pub(crate) fn json(record: &NightRecord) -> String {
         "failing": changes.failing.len(),
         "new_not_measurable": changes.new_not_measurable.len(),
         "recovered": changes.recovered.len(),
+        "verdicts_changed": changes.verdicts.len(),
         "alarms_new": count(&changes.alarms_new),
         "alarms_cleared": count(&changes.alarms_cleared),
         "remarks_new": count(&changes.remarks_new),
@@ -239,8 +249,8 @@ fn escaped_markdown(text: &str) -> String {
     escaped
 }
 
-/// The night for a build server: one test for each campaign, each new trouble, each new change of a trend and each
-/// setting.
+/// The night for a build server: one test for each campaign, each new trouble, each change of a trend that is new or
+/// withdrawn, each problem and each setting.
 pub(crate) fn junit(record: &NightRecord) -> String {
     let mut cases = Cases::default();
     for campaign in &record.campaigns {
@@ -259,6 +269,11 @@ pub(crate) fn junit(record: &NightRecord) -> String {
     for new in &record.new_trend_changes {
         let what = format!("{} at {}", with_u(&new.change.step_s), flight_name(&new.change.at));
         cases.add("trend", &format!("{} at {}", new.chart, flight_name(&new.change.at)), Some(&what));
+    }
+    for old in &record.withdrawn_trend_changes {
+        let name = format!("{} at {}", old.chart, flight_name(&old.change.at));
+        let what = format!("{} of the previous night is no longer found", with_u(&old.change.step_s));
+        cases.add("trend change withdrawn", &name, Some(&what));
     }
     for proof in &record.proofs {
         let name = format!("{} of {} {}", proof.parameter, proof.campaign, proof.of);

@@ -140,6 +140,10 @@ pub struct RunChanges {
     pub new_not_measurable: Vec<NamedFlight>,
     /// Flights with a problem that is gone.
     pub recovered: Vec<FlightWords>,
+    /// Flights whose verdict on the criteria changed, with the causes, except those that newly fail a criterion or have
+    /// recovered from one.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub verdicts: Vec<FlightWords>,
     /// New alarms that require action.
     pub alarms_new: Vec<FlightWords>,
     /// Alarms requiring action that are gone.
@@ -401,7 +405,7 @@ pub struct NightGroup {
     pub group: String,
     /// How its flights differ.
     pub words: String,
-    /// Whether they shared one delay in the previous report.
+    /// Whether they shared one delay in the previous report, or a new flight is unlike all earlier ones.
     pub is_new: bool,
 }
 

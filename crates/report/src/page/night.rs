@@ -216,9 +216,9 @@ fn new_trends(record: &NightRecord, names: &Names<'_>) -> Markup {
         @for old in &record.withdrawn_trend_changes {
             p.why.unsure {
                 b { "Withdrawn: " (shown(&old.chart)) } ": " (estimate(&in_millis(&old.change.step_s))) " ms from "
-                (names.flight(&old.change.at)) " on, of the previous night. With the flights since then it is no "
-                "longer significant. A single flight that is far off can do this: see "
-                code { "flightlag trend" } "."
+                (names.flight(&old.change.at)) " on, of the previous night. With the flights since then, no change is "
+                "found at this flight. A single flight that is far off can do this, and so can another change near it: "
+                "see " code { "flightlag trend" } "."
             }
         }
         @for new in &record.new_trend_changes {

@@ -91,6 +91,7 @@ fn with_texts(of: &FlightWords) -> Markup {
 pub(super) fn sections(changes: &RunChanges, names: &Names<'_>) -> Markup {
     html! {
         (names.words("Newly failing", &changes.failing))
+        (names.words("Another verdict of the criteria", &changes.verdicts))
         (moved(changes, names))
         (advice(&changes.advice, names))
         (rerun(changes, names))
