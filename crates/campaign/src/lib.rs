@@ -106,4 +106,4 @@ pub use task::{TaskReport, quiet_caught_panics, task};
 
 /// Raised by hand when reading, binding or replaying a flight gives different results: earlier results are then made
 /// again. The build's own hash is not part of a result's key, because most code changes affect no number.
-pub const ANALYSIS_VERSION: u32 = 45;
+pub const ANALYSIS_VERSION: u32 = 46;

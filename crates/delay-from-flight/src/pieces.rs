@@ -85,16 +85,61 @@ pub(crate) fn without_spikes(
 const SMOOTHED_S: f64 = 0.05;
 /// Weights of a sample and its neighbours: noise that alternates in sign from sample to sample is removed entirely.
 const BINOMIAL: [f64; 5] = [1.0 / 16.0, 4.0 / 16.0, 6.0 / 16.0, 4.0 / 16.0, 1.0 / 16.0];
+/// Power of white noise in the steps from sample to sample after that: Σ (1, 3, 2, -2, -3, -1)²/16².
+const BINOMIAL_STEPS: f64 = 28.0 / 256.0;
 
-/// A velocity (m/s, timestamps in s), smoothed; `None` if its usual step is longer than [`SMOOTHED_S`], or if it cannot
-/// be smoothed.
+/// Share of noise in the steps of a velocity, by power, above which it counts.
+const VELOCITY_NOISE_COUNTS: f64 = 0.1;
+/// Most that smoothing may take from the turns of a noisy velocity, rms, m.
+const MOST_LOST_M: f64 = 0.05;
+
+/// A velocity (m/s, timestamps in s), smoothed; `None` if its usual step is longer than [`SMOOTHED_S`] and it has
+/// little noise, or if it cannot be smoothed.
 ///
 /// Between two samples the integral of white noise has another variance than at a sample. A fit of the delay mistakes
-/// the smaller variance for better agreement and ends at multiples of the step, with an uncertainty that is far too
-/// small. The smoothed velocity has hardly any noise from sample to sample, and the noise of its integral does not
-/// depend on where it is read.
+/// the smaller variance for better agreement and ends at multiples of the step. It also takes the steps of the noise for
+/// motion that shows the delay, and its uncertainty is far too small. The smoothed velocity has hardly any noise from
+/// sample to sample, and the noise of its integral does not depend on where it is read. What smoothing takes from a turn
+/// is parallel to the acceleration, and so looks like no delay.
+///
+/// Noise of 0.05 m/s at 10 Hz, with steps of 0.02 m/s, drew 250 ± 35 ms to 200 ± 17 ms or to 300 ± 17 ms.
 pub(crate) fn smoothed_velocity(velocity: &Horizontal, step_s: Option<f64>) -> Option<Horizontal> {
-    smoothed(velocity, step_s.filter(|step| *step <= SMOOTHED_S)?)
+    let step_s = step_s.filter(|step| *step > 0.0)?;
+    let noise = power(velocity, &|y| white_noise(y).powi(2));
+    // `left` is the power of white noise in the steps, 2 without smoothing.
+    let counts = |smoothed: &Horizontal, left: f64| left * noise > VELOCITY_NOISE_COUNTS * power(smoothed, &mean_step);
+    let fast = if step_s <= SMOOTHED_S { smoothed(velocity, step_s) } else { None };
+    let (least, left) = fast.as_ref().map_or((velocity, 2.0), |fast| (fast, BINOMIAL_STEPS));
+    if !counts(least, left) {
+        return fast;
+    }
+    let mut best = fast;
+    for half in 1..velocity.t.len() / 2 {
+        let now = mean_over(&mean_over(velocity, half, step_s), half, step_s);
+        // The weights of two means over m samples have the variance (m² − 1)/6, and 2/m³ of the noise is in their steps.
+        let m = (2 * half + 1) as f64;
+        let variance_s2 = (m * m - 1.0) / 6.0 * step_s * step_s;
+        let lost_m = 0.5 * variance_s2 * power(&now, &mean_step).sqrt() / step_s;
+        if lost_m > MOST_LOST_M || now.t.windows(2).any(|pair| pair[0] >= pair[1]) {
+            break;
+        }
+        let is_enough = !counts(&now, 2.0 / m.powi(3));
+        best = Some(now);
+        if is_enough {
+            break;
+        }
+    }
+    best
+}
+
+/// The sum over both axes.
+fn power(series: &Horizontal, of: &dyn Fn(&[f64]) -> f64) -> f64 {
+    AXES.map(|axis| of(&series.axes[axis])).iter().sum()
+}
+
+/// Mean square of the steps from sample to sample.
+fn mean_step(y: &[f64]) -> f64 {
+    y.windows(2).map(|pair| (pair[1] - pair[0]).powi(2)).sum::<f64>() / y.len().max(2) as f64
 }
 
 /// Largest step of a track that is smoothed twice, s: a turn at 3 m/s² loses 0.12 m.
