@@ -28,6 +28,7 @@ pub(crate) fn fit_shared(
 fn at_least_walking(noise: &NoiseModel, t: &[f64], walk: f64) -> NoiseModel {
     const LONG: f64 = 10.0;
     const TRUSTED: f64 = 0.5;
+    const SHORT: f64 = 0.1;
     let own = if noise.wander_std > 0.0 { gained(noise) } else { 0.0 };
     let (Some(first), Some(last)) = (t.first(), t.last()) else { return *noise };
     // The estimate is kept if it walks about as fast, or if its wander is shorter and larger.
@@ -35,8 +36,10 @@ fn at_least_walking(noise: &NoiseModel, t: &[f64], walk: f64) -> NoiseModel {
         return *noise;
     }
     let time_constant_s = LONG * (last - first);
-    // After removing offset and drift, a walk has the mean variance walk·T/15, which the fit took for white noise.
-    let total = noise.white_std.powi(2) + noise.wander_std.powi(2);
+    // After removing offset and drift, a walk has the mean variance walk·T/15, which the fit took for white noise or a
+    // short wander. A long wander was the walk, underestimated.
+    let is_short = noise.time_constant_s < SHORT * (last - first);
+    let total = noise.white_std.powi(2) + if is_short { noise.wander_std.powi(2) } else { 0.0 };
     let white_std = (total - walk * (last - first) / 15.0).max(0.25 * total).sqrt();
     NoiseModel { wander_std: (0.5 * walk * time_constant_s).sqrt(), time_constant_s, white_std }
 }
