@@ -276,8 +276,8 @@ fn divided_groups(name: &str, record: &CampaignRecord, earlier: Option<&Campaign
             }
             (false, []) => return None,
             (false, lone) => {
-                let is_new = |flight: &String| !known.contains(&flight) && !(was_divided && members.contains(flight));
-                (lone.iter().any(is_new), group.words.clone())
+                let is_old = |flight: &String| known.contains(&flight) || (was_divided && members.contains(flight));
+                (!lone.iter().all(is_old), group.words.clone())
             }
         };
         Some(NightGroup { campaign: name.to_owned(), is_new, group: group.group.name.clone(), words })
