@@ -90,6 +90,8 @@ const BINOMIAL_STEPS: f64 = 28.0 / 256.0;
 
 /// Share of noise in the steps of a velocity, by power, above which it counts.
 const VELOCITY_NOISE_COUNTS: f64 = 0.1;
+/// Most smoothing of a noisy velocity, standard deviation of the weights, s: a velocity at rest is noise alone.
+const VELOCITY_SMOOTHED_S: f64 = 1.0;
 /// Most that smoothing may take from the turns of a noisy velocity, rms, m.
 const MOST_LOST_M: f64 = 0.05;
 
@@ -114,20 +116,22 @@ pub(crate) fn smoothed_velocity(velocity: &Horizontal, step_s: Option<f64>) -> O
         return fast;
     }
     let mut best = fast;
-    for half in 1..velocity.t.len() / 2 {
+    let mut half = 1;
+    // The weights of two means over m samples have the variance (m² − 1)/6, and 2/m³ of the noise is in their steps.
+    let samples = |half: usize| (2 * half + 1) as f64;
+    let deviation_s = |half: usize| ((samples(half).powi(2) - 1.0) / 6.0).sqrt() * step_s;
+    while deviation_s(half) <= VELOCITY_SMOOTHED_S {
         let now = mean_over(&mean_over(velocity, half, step_s), half, step_s);
-        // The weights of two means over m samples have the variance (m² − 1)/6, and 2/m³ of the noise is in their steps.
-        let m = (2 * half + 1) as f64;
-        let variance_s2 = (m * m - 1.0) / 6.0 * step_s * step_s;
-        let lost_m = 0.5 * variance_s2 * power(&now, &mean_step).sqrt() / step_s;
+        let lost_m = 0.5 * deviation_s(half).powi(2) * power(&now, &mean_step).sqrt() / step_s;
         if lost_m > MOST_LOST_M || now.t.windows(2).any(|pair| pair[0] >= pair[1]) {
             break;
         }
-        let is_enough = !counts(&now, 2.0 / m.powi(3));
+        let is_enough = !counts(&now, 2.0 / samples(half).powi(3));
         best = Some(now);
         if is_enough {
             break;
         }
+        half = (half + 1).max(half * 4 / 3);
     }
     best
 }
