@@ -5,7 +5,9 @@ use crate::change_points::own_part;
 use crate::dataset::Latest;
 use crate::row::Row;
 use flight::{Alarm, Code, Gravity};
-use record::{ChangeCause, Estimate, FlightWords, MovedAdvice, MovedNumber, NamedFlight, RerunCause, RunChanges};
+use record::{
+    ChangeCause, CriterionVerdict, Estimate, FlightWords, MovedAdvice, MovedNumber, NamedFlight, RerunCause, RunChanges,
+};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Trouble of a flight whose delay cannot be measured.
@@ -50,7 +52,8 @@ pub fn compare(before: &Latest, now: &[Row], texts: &Texts, page: PageOf<'_>) ->
         changes.moved.extend(moved(was, row, named, &causes));
         changes.advice.extend(moved_advice(was, row, named));
         came_and_went(&mut changes, was, &flight);
-        changes.verdicts.extend(verdict(was, &flight, &causes));
+        let verdict = verdict(was, &flight, &changes, &causes);
+        changes.verdicts.extend(verdict);
     }
     let size = |m: &MovedNumber| m.sigmas.map_or(-1.0, f64::abs);
     changes.moved.sort_by(|a, b| size(b).total_cmp(&size(a)));
@@ -158,13 +161,15 @@ fn is_remark(code: &str) -> bool {
     Alarm::ALL.iter().any(|alarm| alarm.name() == code && alarm.gravity() == Gravity::Grey)
 }
 
-/// Another verdict of the criteria that is neither a new failure nor a recovery: `FAIL → PASS, because of criteria`.
-fn verdict(was: &Row, flight: &Flight<'_>, causes: &[ChangeCause]) -> Option<FlightWords> {
+/// Another verdict of the criteria: `fail → pass, because of criteria`. A criterion that newly fails is listed already,
+/// and so is one that failed and now passes. A flight that could not be read was not judged.
+fn verdict(was: &Row, flight: &Flight<'_>, changes: &RunChanges, causes: &[ChangeCause]) -> Option<FlightWords> {
     let row = flight.row;
-    let failed = |row: &Row| troubles(row).into_iter().filter(|what| is_criterion(what)).collect::<Vec<_>>();
-    let is_new_failure = failed(row).iter().any(|what| !failed(was).contains(what));
-    let has_recovered = !failed(was).is_empty() && troubles(row).is_empty() && was.criteria_hash == row.criteria_hash;
-    if was.criteria.is_none() || was.criteria == row.criteria || is_new_failure || has_recovered {
+    let of_criterion = |of: &FlightWords| of.flight == flight.named && of.words.iter().any(|what| is_criterion(what));
+    let has_recovered = row.criteria.as_deref() == Some(CriterionVerdict::Pass.word())
+        && changes.recovered.last().is_some_and(of_criterion);
+    let is_listed = has_recovered || changes.failing.last().is_some_and(of_criterion);
+    if was.criteria.is_none() || was.criteria == row.criteria || row.outcome == FAILED || is_listed {
         return None;
     }
     let name = |verdict: &Option<String>| verdict.clone().unwrap_or_else(|| "no criteria".to_owned());
@@ -515,16 +520,20 @@ mod tests {
             let verdicts = changes(&[was], &[now]).verdicts;
             verdicts.first().map(|of| of.words.join("; "))
         };
-        let failed = || with("FAIL", Some("late"), "one");
-        assert_eq!(words(failed(), with("PASS", None, "two")).unwrap(), "FAIL → PASS, because of criteria");
+        let failed = || with("fail", Some("late"), "one");
+        assert_eq!(words(failed(), with("pass", None, "two")).unwrap(), "fail → pass, because of criteria");
         let unjudged = Row { criteria_hash: None, ..row("a") };
-        assert_eq!(words(failed(), unjudged.clone()).unwrap(), "FAIL → no criteria, because of criteria");
-        let inconclusive = Row { settings_hash: "t".into(), ..with("INCONCLUSIVE", None, "one") };
-        let text = "PASS → INCONCLUSIVE, because of settings";
-        assert_eq!(words(with("PASS", None, "one"), inconclusive).unwrap(), text);
-        assert_eq!(words(failed(), with("PASS", None, "one")), None, "it is listed as recovered");
-        assert_eq!(words(with("PASS", None, "one"), failed()), None, "it is listed as newly failing");
+        assert_eq!(words(failed(), unjudged.clone()).unwrap(), "fail → no criteria, because of criteria");
+        let inconclusive = Row { settings_hash: "t".into(), ..with("inconclusive", None, "one") };
+        let text = "pass → inconclusive, because of settings";
+        assert_eq!(words(with("pass", None, "one"), inconclusive).unwrap(), text);
+        assert_eq!(words(failed(), with("pass", None, "one")), None, "it is listed as recovered");
+        assert_eq!(words(with("pass", None, "one"), failed()), None, "it is listed as newly failing");
         assert_eq!(words(unjudged, failed()), None, "nothing was judged before");
+        let unread = Row { outcome: FAILED.into(), ..row("a") };
+        assert_eq!(words(failed(), unread), None, "it could not be read");
+        let open = with("inconclusive", None, "one");
+        assert_eq!(words(failed(), open).unwrap(), "fail → inconclusive", "no longer failing is not passing");
     }
 
     #[test]

@@ -297,7 +297,8 @@ fn unlike_all_earlier(record: &CampaignRecord, group: &GroupLateness, earlier: &
             .iter()
             .filter(move |row| group.members.contains(&row.flight) && earlier.contains(&row.flight) == is_earlier);
         rows.filter_map(|row| {
-            let lateness = row.lateness.as_ref()?.lateness_s()?;
+            let of_datum = row.lateness.as_ref().filter(|lateness| lateness.against == group.against);
+            let lateness = of_datum?.lateness_s()?;
             Some((row.flight.as_str(), lateness.value, lateness.standard_uncertainty?))
         })
     };
