@@ -161,7 +161,7 @@ fn is_remark(code: &str) -> bool {
     Alarm::ALL.iter().any(|alarm| alarm.name() == code && alarm.gravity() == Gravity::Grey)
 }
 
-/// Another verdict of the criteria: `fail → pass, because of criteria`. A criterion that newly fails is listed already,
+/// Another verdict of the criteria: `FAIL → PASS, because of criteria`. A criterion that newly fails is listed already,
 /// and so is one that failed and now passes. A flight that could not be read was not judged.
 fn verdict(was: &Row, flight: &Flight<'_>, changes: &RunChanges, causes: &[ChangeCause]) -> Option<FlightWords> {
     let row = flight.row;
@@ -172,7 +172,11 @@ fn verdict(was: &Row, flight: &Flight<'_>, changes: &RunChanges, causes: &[Chang
     if was.criteria.is_none() || was.criteria == row.criteria || row.outcome == FAILED || is_listed {
         return None;
     }
-    let name = |verdict: &Option<String>| verdict.clone().unwrap_or_else(|| "no criteria".to_owned());
+    // As the pages write it: `NOT EVALUATED`.
+    let name = |verdict: &Option<String>| match verdict {
+        Some(word) => word.replace('-', " ").to_uppercase(),
+        None => "no criteria".to_owned(),
+    };
     let causes: Vec<&str> = causes.iter().map(|cause| cause.word()).collect();
     let because = if causes.is_empty() { String::new() } else { format!(", because of {}", causes.join(", ")) };
     flight.plain(vec![format!("{} → {}{because}", name(&was.criteria), name(&row.criteria))])
@@ -521,11 +525,11 @@ mod tests {
             verdicts.first().map(|of| of.words.join("; "))
         };
         let failed = || with("fail", Some("late"), "one");
-        assert_eq!(words(failed(), with("pass", None, "two")).unwrap(), "fail → pass, because of criteria");
+        assert_eq!(words(failed(), with("pass", None, "two")).unwrap(), "FAIL → PASS, because of criteria");
         let unjudged = Row { criteria_hash: None, ..row("a") };
-        assert_eq!(words(failed(), unjudged.clone()).unwrap(), "fail → no criteria, because of criteria");
+        assert_eq!(words(failed(), unjudged.clone()).unwrap(), "FAIL → no criteria, because of criteria");
         let inconclusive = Row { settings_hash: "t".into(), ..with("inconclusive", None, "one") };
-        let text = "pass → inconclusive, because of settings";
+        let text = "PASS → INCONCLUSIVE, because of settings";
         assert_eq!(words(with("pass", None, "one"), inconclusive).unwrap(), text);
         assert_eq!(words(failed(), with("pass", None, "one")), None, "it is listed as recovered");
         assert_eq!(words(with("pass", None, "one"), failed()), None, "it is listed as newly failing");
@@ -533,7 +537,7 @@ mod tests {
         let unread = Row { outcome: FAILED.into(), ..row("a") };
         assert_eq!(words(failed(), unread), None, "it could not be read");
         let open = with("inconclusive", None, "one");
-        assert_eq!(words(failed(), open).unwrap(), "fail → inconclusive", "no longer failing is not passing");
+        assert_eq!(words(failed(), open).unwrap(), "FAIL → INCONCLUSIVE", "no longer failing is not passing");
     }
 
     #[test]

@@ -102,7 +102,7 @@ fn changes() -> RunChanges {
         failing: vec![words(5, "failed"), words(0, "log damaged")],
         new_not_measurable: vec![flight(6)],
         recovered: vec![words(7, "harmed")],
-        verdicts: vec![words(13, "fail → inconclusive, because of criteria")],
+        verdicts: vec![words(13, "FAIL → INCONCLUSIVE, because of criteria")],
         alarms_new: vec![words(8, "changes during the flight")],
         alarms_cleared: vec![words(9, "differs from its group")],
         remarks_new: vec![words(10, "guessed columns")],
